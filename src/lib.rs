@@ -1,0 +1,9 @@
+//! Gridfall: a headless, GPU-first compute service for the material point method (MPM).
+//!
+//! Dependencies point down only; `docs/ARCHITECTURE.md` draws the picture and `tests/tidy.rs` holds it.
+
+pub mod backend;
+pub mod engine;
+pub mod material;
+pub mod scene;
+pub mod sim;

@@ -1,0 +1,375 @@
+//! The scene document (`"gridfall": 1`): serde types and the source of `api/scene.schema.json`.
+//!
+//! SI units, z up, unknown fields refused. Vectors have as many components as the scene has dimensions.
+//! These types say what a scene may *look* like; whether it makes sense is decided by `scene::validate`.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A vector of the scene's dimension (2 or 3 components).
+pub type Vector = Vec<f64>;
+/// A square matrix of the scene's dimension, rows first.
+pub type Matrix = Vec<Vec<f64>>;
+
+/// A complete scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Version of the scene format; 1.
+    pub gridfall: u32,
+    pub name: String,
+    /// One line on what to look for in the result.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub description: Option<String>,
+    /// 2 (plane strain) or 3.
+    #[serde(default = "default_dimension")]
+    pub dimension: u32,
+    pub domain: Domain,
+    /// Gravitational acceleration (m/s²); defaults to zero.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gravity: Option<Vector>,
+    pub materials: BTreeMap<String, Material>,
+    pub bodies: Vec<Body>,
+    #[serde(default)]
+    pub colliders: Vec<Collider>,
+    pub time: Time,
+    #[serde(default)]
+    pub solver: Solver,
+    #[serde(default)]
+    pub output: Output,
+    #[serde(default = "default_seed")]
+    pub seed: u64,
+}
+
+fn default_dimension() -> u32 {
+    3
+}
+fn default_seed() -> u64 {
+    1
+}
+
+/// The axis-aligned box that is simulated, and what its walls do.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Domain {
+    /// Lower corner (m); the grid's origin.
+    pub min: Vector,
+    /// Upper corner (m); a whole number of `dx` from `min` on every axis.
+    pub max: Vector,
+    /// Grid spacing (m).
+    pub dx: f64,
+    /// Walls by name: `x-`, `x+`, `y-`, … for one wall, `x`, `y`, `z` for both walls of an axis.
+    /// A wall that is not named is sticky.
+    #[serde(default)]
+    pub boundary: BTreeMap<String, Boundary>,
+}
+
+/// `"periodic"` (an axis only) or a contact.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Boundary {
+    Periodic(Periodic),
+    Wall(WallContact),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Periodic {
+    #[serde(rename = "periodic")]
+    Periodic,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WallContact {
+    pub contact: ContactKind,
+    /// Coulomb friction coefficient; for `separate` only.
+    #[serde(default)]
+    pub friction: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ContactKind {
+    /// The material takes the surface's velocity.
+    Sticky,
+    /// Free along the surface, held to it along the normal.
+    Slip,
+    /// Free to leave along the normal; Coulomb friction while pressed.
+    Separate,
+}
+
+/// A constitutive model with its parameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "model", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Material {
+    FixedCorotated(Elastic),
+    NeoHookean(Elastic),
+    WeaklyCompressibleFluid(Fluid),
+}
+
+/// Isotropic elasticity.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Elastic {
+    /// Mass density at rest (kg/m³).
+    pub density: f64,
+    /// Young's modulus (Pa).
+    pub youngs_modulus: f64,
+    /// Poisson's ratio, in (-1, 0.5).
+    pub poissons_ratio: f64,
+}
+
+/// p = (bulk_modulus / gamma) (J^-gamma - 1).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Fluid {
+    /// Mass density at rest (kg/m³).
+    pub density: f64,
+    /// Bulk modulus at rest (Pa).
+    pub bulk_modulus: f64,
+    /// Exponent of the equation of state; 7.15 by default.
+    #[serde(default = "default_gamma")]
+    pub gamma: f64,
+    /// Dynamic viscosity (Pa·s).
+    #[serde(default)]
+    pub viscosity: f64,
+}
+
+fn default_gamma() -> f64 {
+    7.15
+}
+
+/// A shape filled with particles of one material.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Body {
+    pub name: String,
+    /// Name of an entry of `materials`.
+    pub material: String,
+    pub shape: Shape,
+    /// Particles per cell, a d-th power of a whole number; 8 by default (2D: 4).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub particles_per_cell: Option<u32>,
+    #[serde(default)]
+    pub sampling: Sampling,
+    /// Initial velocity (m/s).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub velocity: Option<Vector>,
+    /// Initial spin about the centre of the body's particles (rad/s); one component in 2D.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub angular_velocity: Option<Vector>,
+    /// Initial velocity gradient about the centre of the body's particles (1/s), d × d.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub velocity_gradient: Option<Matrix>,
+    /// Initial deformation gradient, d × d; not together with `J`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deformation_gradient: Option<Matrix>,
+    /// Initial volume ratio.
+    #[serde(rename = "J", default, skip_serializing_if = "Option::is_none")]
+    pub j: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sampling {
+    /// A lattice of spacing dx / ppc^(1/d), half a spacing from the grid lines.
+    #[default]
+    Regular,
+    /// One point drawn uniformly in each cell of that lattice, seeded.
+    Jittered,
+}
+
+/// A closed shape; in 2D its cross-section.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Shape {
+    Box {
+        min: Vector,
+        max: Vector,
+    },
+    Sphere {
+        center: Vector,
+        radius: f64,
+    },
+    /// A capped cylinder; `height` along `axis`, centred (3D only).
+    Cylinder {
+        center: Vector,
+        #[serde(default = "default_axis")]
+        axis: Vector,
+        radius: f64,
+        height: f64,
+    },
+    /// A ring about `axis` (3D only).
+    Torus {
+        center: Vector,
+        #[serde(default = "default_axis")]
+        axis: Vector,
+        major_radius: f64,
+        minor_radius: f64,
+    },
+    /// All points behind the plane: (x - point) · normal <= 0.
+    HalfSpace {
+        point: Vector,
+        normal: Vector,
+    },
+    Union(Vec<Shape>),
+    Intersection(Vec<Shape>),
+    /// The first shape without all others.
+    Difference(Vec<Shape>),
+    Translate {
+        offset: Vector,
+        shape: Box_,
+    },
+    /// Turned by `angle_degrees` about `axis` (3D; default z) through `center` (default: origin).
+    Rotate {
+        #[serde(default = "default_axis")]
+        axis: Vector,
+        angle_degrees: f64,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        center: Option<Vector>,
+        shape: Box_,
+    },
+    /// The layer of the given thickness inside the shape's surface.
+    Shell {
+        thickness: f64,
+        shape: Box_,
+    },
+}
+
+/// A shape inside a shape.
+pub type Box_ = std::boxed::Box<Shape>;
+
+fn default_axis() -> Vector {
+    vec![0.0, 0.0, 1.0]
+}
+
+/// A rigid obstacle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Collider {
+    pub name: String,
+    pub shape: Shape,
+    pub contact: ContactKind,
+    /// Coulomb friction coefficient; for `separate` only.
+    #[serde(default)]
+    pub friction: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion: Option<Motion>,
+}
+
+/// Rigid motion of a collider.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Motion {
+    /// m/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub linear_velocity: Option<Vector>,
+    /// rad/s about `center`; one component in 2D.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub angular_velocity: Option<Vector>,
+    /// Centre of rotation at time 0 (m), carried along by `linear_velocity`; default: the centre of the shape's bounding box.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub center: Option<Vector>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Time {
+    /// Simulated time at which the job ends (s).
+    pub end: f64,
+    /// Frames per simulated second.
+    #[serde(default = "default_frame_rate")]
+    pub frame_rate: f64,
+}
+
+fn default_frame_rate() -> f64 {
+    48.0
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Solver {
+    pub integrator: Integrator,
+    pub kernel: Kernel,
+    pub transfer: Transfer,
+    /// A particle may move at most this share of dx in a step.
+    pub cfl: f64,
+    /// Upper bound on the step (s).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_dt: Option<f64>,
+    pub precision: Precision,
+}
+
+impl Default for Solver {
+    fn default() -> Self {
+        Self {
+            integrator: Integrator::Auto,
+            kernel: Kernel::Compact,
+            transfer: Transfer::Mls,
+            cfl: 0.5,
+            max_dt: None,
+            precision: Precision::F32,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Integrator {
+    Auto,
+    Explicit,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kernel {
+    Compact,
+    Quadratic,
+    Cubic,
+    Linear,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Transfer {
+    Pic,
+    Apic,
+    Mls,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Precision {
+    F32,
+    F64,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Output {
+    /// Scalar and vector fields recorded with each point, beside position and colour.
+    pub fields: Vec<Field>,
+    /// Points recorded per frame at most; more are decimated evenly.
+    pub preview_points: u32,
+}
+
+impl Default for Output {
+    fn default() -> Self {
+        Self { fields: vec![Field::Velocity], preview_points: 200_000 }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Field {
+    #[serde(rename = "velocity")]
+    Velocity,
+    /// Volume ratio det F.
+    #[serde(rename = "J")]
+    J,
+    /// von Mises equivalent of the Cauchy stress (Pa).
+    #[serde(rename = "von_mises")]
+    VonMises,
+    /// Pressure, -tr(Cauchy)/3 (Pa).
+    #[serde(rename = "pressure")]
+    Pressure,
+}

@@ -1,0 +1,32 @@
+//! Particle states as they pass between engines, recordings and diagnostics.
+
+/// States of all particles at a frame boundary, in the order in which the bodies were sampled.
+///
+/// Arrays of equal length. 2D scenes use the first two components of vectors, zero z, and F_zz = 1.
+/// Matrices are row-major 3 × 3.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Particles {
+    /// Position (m), in scene coordinates.
+    pub x: Vec<[f64; 3]>,
+    /// Velocity (m/s).
+    pub v: Vec<[f64; 3]>,
+    /// APIC affine moment B = ½ Σ_s Σ_i w v_i (x_i - x_p)ᵀ (m²/s); the velocity's affine part is C = B D⁻¹ (NUMERICS §1).
+    pub b: Vec<[f64; 9]>,
+    /// Deformation gradient F; a fluid's is J^(1/d) I, because its law knows only J.
+    pub f: Vec<[f64; 9]>,
+    /// Index into [`crate::sim::problem::Problem::bodies`].
+    pub body: Vec<u32>,
+}
+
+impl Particles {
+    pub fn len(&self) -> usize {
+        self.x.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.x.is_empty()
+    }
+}
+
+/// The 3 × 3 identity, row-major.
+pub const IDENTITY: [f64; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];

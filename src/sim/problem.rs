@@ -1,0 +1,67 @@
+//! A scene made ready to run: validated, sampled, in plain numbers.
+
+use super::collider::Collider;
+use super::particles::Particles;
+pub use crate::scene::schema::{ContactKind, Field, Kernel, Material, Precision, Transfer};
+
+/// What a surface does to the material that meets it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    pub kind: ContactKind,
+    /// Coulomb friction coefficient; 0 unless `kind` is `Separate`.
+    pub friction: f64,
+}
+
+/// The two walls of an axis, lower then upper, or none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Axis {
+    Periodic,
+    Walls([Contact; 2]),
+}
+
+/// A body after sampling.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Body {
+    pub name: String,
+    /// Index into [`Problem::materials`].
+    pub material: usize,
+    /// Its particles.
+    pub particles: std::ops::Range<usize>,
+    /// Initial volume of one particle (m³; 2D: m²).
+    pub volume0: f64,
+    /// Mass of one particle (kg; 2D: kg/m).
+    pub mass: f64,
+}
+
+/// A scene made ready to run.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    pub name: String,
+    /// 2 or 3.
+    pub dimension: usize,
+    /// Grid origin, `domain.min` (m).
+    pub origin: [f64; 3],
+    pub dx: f64,
+    /// Cells per axis; 1 on z in 2D.
+    pub cells: [usize; 3],
+    pub axes: [Axis; 3],
+    pub gravity: [f64; 3],
+    pub materials: Vec<Material>,
+    pub bodies: Vec<Body>,
+    pub colliders: Vec<Collider>,
+    /// State at time 0.
+    pub particles: Particles,
+    pub kernel: Kernel,
+    pub transfer: Transfer,
+    pub precision: Precision,
+    /// A particle may move at most this share of dx in a step.
+    pub cfl: f64,
+    pub max_dt_s: Option<f64>,
+    /// Frames after frame 0.
+    pub frames: u32,
+    /// Simulated time between frames (s).
+    pub frame_s: f64,
+    pub fields: Vec<Field>,
+    pub preview_points: usize,
+    pub seed: u64,
+}
