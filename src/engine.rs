@@ -1,11 +1,11 @@
 //! What an engine does, whichever device it runs on, and how one is chosen.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::sim::particles::Particles;
 
 /// Where and how an engine runs; goes into job records, recordings and messages.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Backend {
     /// `cpu` or `gpu`.
     pub kind: String,

@@ -7,3 +7,4 @@ pub mod engine;
 pub mod material;
 pub mod scene;
 pub mod sim;
+pub mod store;

@@ -1,0 +1,89 @@
+//! The data directory: one folder of outputs a job, and the lock that keeps a second server out.
+
+use std::collections::HashSet;
+use std::fs::{self, File, TryLockError};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use uuid::Uuid;
+
+use super::StoreError;
+
+/// A data directory owned by this process for as long as the value lives.
+#[derive(Debug)]
+pub struct DataDir {
+    root: PathBuf,
+    _lock: File,
+}
+
+impl DataDir {
+    /// Creates the directory if need be and locks it. Fails when another process has it.
+    pub fn open(root: &Path) -> Result<Self, StoreError> {
+        let at = |error| StoreError::Io { path: root.to_owned(), error };
+        fs::create_dir_all(root.join("jobs")).map_err(at)?;
+        let lock = File::create(root.join("lock")).map_err(at)?;
+        match lock.try_lock() {
+            Ok(()) => Ok(Self { root: root.to_owned(), _lock: lock }),
+            Err(TryLockError::WouldBlock) => Err(StoreError::Locked { path: root.to_owned() }),
+            Err(TryLockError::Error(error)) => Err(at(error)),
+        }
+    }
+
+    pub fn database(&self) -> PathBuf {
+        self.root.join("gridfall.sqlite")
+    }
+
+    pub fn job(&self, id: Uuid) -> JobFiles {
+        JobFiles { dir: self.root.join("jobs").join(id.to_string()) }
+    }
+
+    /// Removes the folders of jobs that are no longer known.
+    pub fn sweep(&self, known: &HashSet<Uuid>) -> io::Result<()> {
+        for entry in fs::read_dir(self.root.join("jobs"))? {
+            let entry = entry?;
+            let id = entry.file_name().to_str().and_then(|name| Uuid::parse_str(name).ok());
+            if id.is_some_and(|id| !known.contains(&id)) {
+                fs::remove_dir_all(entry.path())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The outputs of one job.
+#[derive(Clone, Debug)]
+pub struct JobFiles {
+    dir: PathBuf,
+}
+
+impl JobFiles {
+    pub fn recording(&self) -> PathBuf {
+        self.dir.join("recording.mcap")
+    }
+
+    /// The recording while it is being written.
+    pub fn partial_recording(&self) -> PathBuf {
+        self.dir.join("recording.mcap.partial")
+    }
+
+    pub fn diagnostics(&self) -> PathBuf {
+        self.dir.join("diagnostics.csv")
+    }
+
+    pub fn thumbnail(&self) -> PathBuf {
+        self.dir.join("thumbnail.png")
+    }
+
+    /// An empty folder for a new attempt; what an earlier one left goes.
+    pub fn reset(&self) -> io::Result<()> {
+        self.remove()?;
+        fs::create_dir_all(&self.dir)
+    }
+
+    pub fn remove(&self) -> io::Result<()> {
+        match fs::remove_dir_all(&self.dir) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! From rows of the table to jobs.
+
+use std::error::Error;
+
+use jiff::Timestamp;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{FromRow, Row};
+use uuid::Uuid;
+
+use super::{Claim, Failure, Job, Progress};
+
+/// `SELECT` of everything that [`JobRow`] reads, followed by the given clauses.
+macro_rules! select_jobs {
+    ($clauses:literal) => {
+        concat!(
+            "SELECT seq, id, name, status, created_at, started_at, finished_at, attempt, cancel_requested, particles, ",
+            "frames, end_time_s, sim_time_s, step, frames_written, run_s, backend, failure_code, failure_message, ",
+            "CASE status WHEN 'queued' THEN (SELECT count(*) FROM jobs AS ahead WHERE ahead.status = 'queued' ",
+            "AND ahead.seq <= jobs.seq) END AS queue_position FROM jobs ",
+            $clauses
+        )
+    };
+}
+pub(super) use select_jobs;
+
+pub(super) struct JobRow(pub Job);
+
+impl FromRow<'_, SqliteRow> for JobRow {
+    fn from_row(row: &SqliteRow) -> sqlx::Result<Self> {
+        let failure_code: Option<String> = row.try_get("failure_code")?;
+        let failure_message: Option<String> = row.try_get("failure_message")?;
+        Ok(Self(Job {
+            seq: row.try_get("seq")?,
+            id: uuid(row.try_get("id")?)?,
+            name: row.try_get("name")?,
+            status: row.try_get::<String, _>("status")?.parse().map_err(decode::<String>)?,
+            created_at: timestamp(row.try_get("created_at")?)?,
+            started_at: row.try_get::<Option<i64>, _>("started_at")?.map(timestamp).transpose()?,
+            finished_at: row.try_get::<Option<i64>, _>("finished_at")?.map(timestamp).transpose()?,
+            attempt: row.try_get("attempt")?,
+            cancel_requested: row.try_get("cancel_requested")?,
+            queue_position: row.try_get("queue_position")?,
+            particles: row.try_get::<i64, _>("particles")? as u64,
+            frames: row.try_get::<i64, _>("frames")? as u64,
+            end_time_s: row.try_get("end_time_s")?,
+            progress: Progress {
+                sim_time_s: row.try_get("sim_time_s")?,
+                step: row.try_get::<i64, _>("step")? as u64,
+                frames_written: row.try_get::<i64, _>("frames_written")? as u64,
+                run_s: row.try_get("run_s")?,
+            },
+            backend: row
+                .try_get::<Option<String>, _>("backend")?
+                .map(|json| serde_json::from_str(&json))
+                .transpose()
+                .map_err(decode)?,
+            failure: failure_code.zip(failure_message).map(|(code, message)| Failure { code, message }),
+        }))
+    }
+}
+
+pub(super) struct ClaimRow(pub Claim);
+
+impl FromRow<'_, SqliteRow> for ClaimRow {
+    fn from_row(row: &SqliteRow) -> sqlx::Result<Self> {
+        Ok(Self(Claim {
+            id: uuid(row.try_get("id")?)?,
+            attempt: row.try_get("attempt")?,
+            scene: row.try_get("scene")?,
+        }))
+    }
+}
+
+fn uuid(text: String) -> sqlx::Result<Uuid> {
+    Uuid::parse_str(&text).map_err(decode)
+}
+
+fn timestamp(us: i64) -> sqlx::Result<Timestamp> {
+    Timestamp::from_microsecond(us).map_err(decode)
+}
+
+fn decode<E: Into<Box<dyn Error + Send + Sync>>>(error: E) -> sqlx::Error {
+    sqlx::Error::Decode(error.into())
+}
