@@ -1,5 +1,8 @@
 //! The discretisation: particles, grid kernels, transfers, time step and diagnostics. No GPU, no runtime, no HTTP.
 
 pub mod collider;
+pub mod linalg;
 pub mod particles;
 pub mod problem;
+pub mod real;
+pub mod svd;
