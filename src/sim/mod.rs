@@ -2,6 +2,7 @@
 
 pub mod collider;
 pub mod linalg;
+pub mod moments;
 pub mod particles;
 pub mod problem;
 pub mod real;

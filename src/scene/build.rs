@@ -1,0 +1,213 @@
+//! A valid scene to a [`Problem`]: grid, contacts, sampled bodies with their initial state, colliders.
+
+use rayon::prelude::*;
+
+use super::sampling::Lattice;
+use super::schema::{self, Boundary, ContactKind, Material, Scene, Transfer};
+use super::solid::{sdf, vector3};
+use crate::sim::collider::{Collider, Motion, Sdf, rotate};
+use crate::sim::moments::moment_matrix;
+use crate::sim::particles::{IDENTITY, Particles};
+use crate::sim::problem::{Axis, Body, Contact, Problem};
+
+/// Cells on each axis, unrounded; 1 on z in 2D.
+pub(super) fn cells(domain: &schema::Domain, dimension: usize) -> [f64; 3] {
+    std::array::from_fn(|a| if a < dimension { (domain.max[a] - domain.min[a]) / domain.dx } else { 1.0 })
+}
+
+/// Particles per cell of a body, and the whole number of which it is the d-th power, if it is one.
+pub(super) fn particles_per_cell(body: &schema::Body, dimension: usize) -> (u32, Option<u32>) {
+    let per_cell = body.particles_per_cell.unwrap_or(1 << dimension);
+    let root = f64::from(per_cell).powf(1.0 / dimension as f64).round() as u32;
+    (per_cell, (root > 0 && root.checked_pow(dimension as u32) == Some(per_cell)).then_some(root))
+}
+
+/// The lattice over a body's bounds; where the body is unbounded, up to the domain's walls.
+pub(super) fn lattice(domain: &schema::Domain, per_axis: u32, sdf: &Sdf, dimension: usize) -> Lattice {
+    let [mut lower, mut upper] = sdf.bounds();
+    for a in 0..dimension {
+        if lower[a] == f64::NEG_INFINITY {
+            lower[a] = domain.min[a];
+        }
+        if upper[a] == f64::INFINITY {
+            upper[a] = domain.max[a];
+        }
+    }
+    Lattice::over(vector3(&domain.min), domain.dx / f64::from(per_axis), dimension, [lower, upper])
+}
+
+/// Builds the problem. The scene must be valid.
+pub(super) fn build(scene: &Scene) -> Problem {
+    let dimension = scene.dimension as usize;
+    let materials: Vec<&String> = scene.materials.keys().collect();
+    let mut problem = Problem {
+        name: scene.name.clone(),
+        dimension,
+        origin: vector3(&scene.domain.min),
+        dx: scene.domain.dx,
+        cells: cells(&scene.domain, dimension).map(|n| n.round() as usize),
+        axes: std::array::from_fn(|a| axis(&scene.domain, a, dimension)),
+        gravity: scene.gravity.as_deref().map_or([0.0; 3], vector3),
+        materials: scene.materials.values().cloned().collect(),
+        bodies: Vec::new(),
+        colliders: scene.colliders.iter().map(|c| collider(c, dimension)).collect(),
+        particles: Particles::default(),
+        kernel: scene.solver.kernel,
+        transfer: scene.solver.transfer,
+        precision: scene.solver.precision,
+        cfl: scene.solver.cfl,
+        max_dt_s: scene.solver.max_dt,
+        frames: (scene.time.end * scene.time.frame_rate).round() as u32,
+        frame_s: 1.0 / scene.time.frame_rate,
+        fields: scene.output.fields.clone(),
+        preview_points: scene.output.preview_points as usize,
+        seed: scene.seed,
+    };
+    for (index, body) in scene.bodies.iter().enumerate() {
+        let material = materials.iter().position(|name| **name == body.material).expect("a valid scene");
+        add_body(&mut problem, scene, body, index, material);
+    }
+    problem
+}
+
+fn axis(domain: &schema::Domain, a: usize, dimension: usize) -> Axis {
+    if a >= dimension {
+        return Axis::Walls([Contact { kind: ContactKind::Slip, friction: 0.0 }; 2]);
+    }
+    let name = ["x", "y", "z"][a];
+    if let Some(Boundary::Periodic(_)) = domain.boundary.get(name) {
+        return Axis::Periodic;
+    }
+    let wall = |side: &str| match domain.boundary.get(&format!("{name}{side}")).or(domain.boundary.get(name)) {
+        Some(Boundary::Wall(wall)) => Contact { kind: wall.contact, friction: wall.friction },
+        _ => Contact { kind: ContactKind::Sticky, friction: 0.0 },
+    };
+    Axis::Walls([wall("-"), wall("+")])
+}
+
+fn collider(collider: &schema::Collider, dimension: usize) -> Collider {
+    let sdf = sdf(&collider.shape, dimension);
+    let motion = collider.motion.clone().unwrap_or_default();
+    let [lower, upper] = sdf.bounds();
+    let middle = std::array::from_fn(|a| {
+        let middle = 0.5 * (lower[a] + upper[a]);
+        if a < dimension && middle.is_finite() { middle } else { 0.0 }
+    });
+    Collider {
+        name: collider.name.clone(),
+        sdf,
+        contact: Contact { kind: collider.contact, friction: collider.friction },
+        motion: Motion {
+            center: motion.center.as_deref().map_or(middle, vector3),
+            linear_velocity: motion.linear_velocity.as_deref().map_or([0.0; 3], vector3),
+            angular_velocity: motion.angular_velocity.as_deref().map_or([0.0; 3], spin),
+        },
+    }
+}
+
+/// Angular velocity as three components; one component turns about z.
+fn spin(w: &[f64]) -> [f64; 3] {
+    if let [w] = w { [0.0, 0.0, *w] } else { vector3(w) }
+}
+
+/// Samples a body and sets v_p = v + (Ω + G)(x_p - c) and B_p = (Ω + G) D(x_p), c the centroid of its particles.
+fn add_body(problem: &mut Problem, scene: &Scene, body: &schema::Body, index: usize, material: usize) {
+    let (d, dx, origin) = (problem.dimension, problem.dx, problem.origin);
+    let (per_cell, root) = particles_per_cell(body, d);
+    let root = root.expect("a valid scene");
+    let sdf = sdf(&body.shape, d);
+    let lattice = lattice(&scene.domain, root, &sdf, d).clipped(problem.cells, root as usize);
+    let x = lattice.sample(&sdf, body.sampling, scene.seed, index as u64);
+
+    let centroid = mean(&x);
+    let velocity = body.velocity.as_deref().map_or([0.0; 3], vector3);
+    let c = velocity_gradient(body);
+    let v: Vec<[f64; 3]> = x
+        .par_iter()
+        .map(|x| {
+            let turn = rotate(&c, [x[0] - centroid[0], x[1] - centroid[1], x[2] - centroid[2]]);
+            [velocity[0] + turn[0], velocity[1] + turn[1], velocity[2] + turn[2]]
+        })
+        .collect();
+    let (kernel, transfer) = (problem.kernel, problem.transfer);
+    let b: Vec<[f64; 9]> = x
+        .par_iter()
+        .map(|x| {
+            if transfer == Transfer::Pic || c == [0.0; 9] {
+                return [0.0; 9];
+            }
+            let moments = moment_matrix(kernel, std::array::from_fn(|a| (x[a] - origin[a]) / dx), dx, d);
+            std::array::from_fn(|k| (0..3).map(|j| c[3 * (k / 3) + j] * moments[3 * j + k % 3]).sum())
+        })
+        .collect();
+
+    let material_law = &problem.materials[material];
+    let volume0 = dx.powi(d as i32) / f64::from(per_cell);
+    let particles = &mut problem.particles;
+    let start = particles.len();
+    particles.f.resize(start + x.len(), deformation(body, material_law, d));
+    particles.body.resize(start + x.len(), index as u32);
+    particles.x.extend(x);
+    particles.v.extend(v);
+    particles.b.extend(b);
+    problem.bodies.push(Body {
+        name: body.name.clone(),
+        material,
+        particles: start..particles.len(),
+        volume0,
+        mass: density(material_law) * volume0,
+    });
+}
+
+/// Density at rest (kg/m³).
+pub(super) fn density(material: &Material) -> f64 {
+    match material {
+        Material::FixedCorotated(elastic) | Material::NeoHookean(elastic) => elastic.density,
+        Material::WeaklyCompressibleFluid(fluid) => fluid.density,
+    }
+}
+
+fn mean(x: &[[f64; 3]]) -> [f64; 3] {
+    let n = x.len().max(1) as f64;
+    // Relative to the first point, which keeps the digits of bodies far from the origin.
+    let first = x.first().copied().unwrap_or_default();
+    std::array::from_fn(|a| first[a] + x.iter().map(|x| x[a] - first[a]).sum::<f64>() / n)
+}
+
+/// Spin and velocity gradient as one row-major matrix (1/s).
+fn velocity_gradient(body: &schema::Body) -> [f64; 9] {
+    let w = body.angular_velocity.as_deref().map_or([0.0; 3], spin);
+    let mut c = [0.0, -w[2], w[1], w[2], 0.0, -w[0], -w[1], w[0], 0.0];
+    for (i, row) in body.velocity_gradient.iter().flatten().enumerate() {
+        for (j, value) in row.iter().enumerate() {
+            c[3 * i + j] += value;
+        }
+    }
+    c
+}
+
+/// Initial F; a fluid keeps only the volume ratio of it.
+fn deformation(body: &schema::Body, material: &Material, dimension: usize) -> [f64; 9] {
+    let mut f = IDENTITY;
+    for (i, row) in body.deformation_gradient.iter().flatten().enumerate() {
+        for (j, value) in row.iter().enumerate() {
+            f[3 * i + j] = *value;
+        }
+    }
+    let volume_ratio = match material {
+        Material::WeaklyCompressibleFluid(_) => Some(body.j.unwrap_or(determinant(&f))),
+        _ => body.j,
+    };
+    if let Some(j) = volume_ratio {
+        let stretch = j.powf(1.0 / dimension as f64);
+        f = [0.0; 9];
+        for a in 0..3 {
+            f[4 * a] = if a < dimension { stretch } else { 1.0 };
+        }
+    }
+    f
+}
+
+pub(super) fn determinant(m: &[f64; 9]) -> f64 {
+    m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) + m[2] * (m[3] * m[7] - m[4] * m[6])
+}

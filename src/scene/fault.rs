@@ -1,0 +1,73 @@
+//! What is wrong with a scene: where, why and what to change.
+
+use std::fmt;
+
+use serde::Serialize;
+
+/// One fault of a scene.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Fault {
+    /// JSON pointer (RFC 6901) to the value at fault, or to where a missing one belongs; empty for the whole document.
+    pub pointer: String,
+    /// Stable, for programs: `unknown_field`, `not_positive`, …
+    pub code: &'static str,
+    /// What is wrong, for people.
+    pub reason: String,
+    /// What to change.
+    pub remedy: String,
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let pointer = if self.pointer.is_empty() { "(document)" } else { &self.pointer };
+        write!(f, "{pointer}: {}; {} [{}]", self.reason, self.remedy, self.code)
+    }
+}
+
+/// Faults found so far.
+///
+/// What depends on a value that is at fault itself is not judged: see [`Faults::clean`].
+#[derive(Debug, Default)]
+pub struct Faults {
+    found: Vec<Fault>,
+}
+
+impl Faults {
+    /// Adds a fault, unless the value or a part of it or one that holds it is known to be at fault already.
+    pub fn add(&mut self, pointer: &str, code: &'static str, reason: impl Into<String>, remedy: impl Into<String>) {
+        if self.clean(pointer) {
+            self.found.push(Fault { pointer: pointer.to_owned(), code, reason: reason.into(), remedy: remedy.into() });
+        }
+    }
+
+    /// Adds a fault that leaves the rest of the value as meaningful as before.
+    pub fn note(&mut self, fault: Fault) {
+        self.found.push(fault);
+    }
+
+    /// True when nothing at `pointer`, below it or above it is at fault; unknown fields aside, which change no meaning.
+    pub fn clean(&self, pointer: &str) -> bool {
+        !self
+            .found
+            .iter()
+            .any(|f| f.code != "unknown_field" && (within(&f.pointer, pointer) || within(pointer, &f.pointer)))
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.found.is_empty()
+    }
+
+    pub fn into_vec(self) -> Vec<Fault> {
+        self.found
+    }
+}
+
+/// True when pointer `inner` is `outer` or lies below it.
+fn within(inner: &str, outer: &str) -> bool {
+    inner.strip_prefix(outer).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+}
+
+/// Appends a reference token to a JSON pointer.
+pub fn join(pointer: &str, token: impl fmt::Display) -> String {
+    format!("{pointer}/{}", token.to_string().replace('~', "~0").replace('/', "~1"))
+}

@@ -1,0 +1,222 @@
+//! Solids as signed distance programs: postfix instructions over primitives, the common form of CPU and GPU evaluation.
+//!
+//! All primitives have exact distances; union, intersection, difference and shell keep the sign exact and the value a
+//! lower bound of the true distance (1-Lipschitz), which is what sampling and contact need.
+
+/// Half extent of a 2D shape along z (m): its cross-section extends without end.
+pub const FLAT_HALF_EXTENT: f64 = 1e30;
+
+/// A primitive solid in its own frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Primitive {
+    /// Half extents (m), centred on the origin.
+    Box([f64; 3]),
+    /// Radius (m).
+    Sphere(f64),
+    /// Radius and half height (m), along z.
+    Cylinder(f64, f64),
+    /// Major and minor radius (m), about z.
+    Torus(f64, f64),
+    /// All points with z <= 0.
+    HalfSpace,
+}
+
+impl Primitive {
+    /// Signed distance of a point in the primitive's frame (m).
+    pub fn distance(&self, x: [f64; 3]) -> f64 {
+        match *self {
+            Self::Box(h) => capped([x[0].abs() - h[0], x[1].abs() - h[1], x[2].abs() - h[2]]),
+            Self::Sphere(r) => length(x) - r,
+            Self::Cylinder(r, h) => capped([x[0].hypot(x[1]) - r, x[2].abs() - h, f64::NEG_INFINITY]),
+            Self::Torus(major, minor) => (x[0].hypot(x[1]) - major).hypot(x[2]) - minor,
+            Self::HalfSpace => x[2],
+        }
+    }
+
+    /// Half extents of the bounding box in the primitive's frame; none for an unbounded one.
+    fn half_extents(&self) -> Option<[f64; 3]> {
+        match *self {
+            Self::Box(h) => Some(h),
+            Self::Sphere(r) => Some([r; 3]),
+            Self::Cylinder(r, h) => Some([r, r, h]),
+            Self::Torus(major, minor) => Some([major + minor, major + minor, minor]),
+            Self::HalfSpace => None,
+        }
+    }
+}
+
+/// Distance to the corner region where all `q` <= 0.
+fn capped(q: [f64; 3]) -> f64 {
+    length(q.map(|a| a.max(0.0))) + q[0].max(q[1]).max(q[2]).min(0.0)
+}
+
+fn length(x: [f64; 3]) -> f64 {
+    (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]).sqrt()
+}
+
+/// One instruction of a signed distance program in postfix order.
+///
+/// Rigid motions inside a shape are folded into its primitives, so that only primitives have a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SdfOp {
+    /// Push the distance to a primitive whose local coordinates are `rotation (x - translation)` (row-major).
+    Primitive { primitive: Primitive, rotation: [f64; 9], translation: [f64; 3] },
+    /// Pop b, a; push min(a, b).
+    Union,
+    /// Pop b, a; push max(a, b).
+    Intersection,
+    /// Pop b, a; push max(a, -b).
+    Difference,
+    /// Replace d by max(d, -(d + thickness)).
+    Shell(f64),
+}
+
+/// A solid as a signed distance program (negative inside, m).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sdf {
+    pub ops: Vec<SdfOp>,
+}
+
+/// Deepest stack that a program may need; validation refuses more.
+pub const SDF_STACK: usize = 8;
+
+impl Sdf {
+    /// Signed distance at a point (m), negative inside. An empty program is empty space.
+    pub fn distance(&self, x: [f64; 3]) -> f64 {
+        let mut stack = [f64::INFINITY; SDF_STACK];
+        let mut top = 0;
+        for op in &self.ops {
+            match op {
+                SdfOp::Primitive { primitive, rotation, translation } => {
+                    let offset = [x[0] - translation[0], x[1] - translation[1], x[2] - translation[2]];
+                    stack[top] = primitive.distance(rotate(rotation, offset));
+                    top += 1;
+                }
+                SdfOp::Union => {
+                    top -= 1;
+                    stack[top - 1] = stack[top - 1].min(stack[top]);
+                }
+                SdfOp::Intersection => {
+                    top -= 1;
+                    stack[top - 1] = stack[top - 1].max(stack[top]);
+                }
+                SdfOp::Difference => {
+                    top -= 1;
+                    stack[top - 1] = stack[top - 1].max(-stack[top]);
+                }
+                SdfOp::Shell(thickness) => stack[top - 1] = stack[top - 1].max(-(stack[top - 1] + thickness)),
+            }
+        }
+        stack[0]
+    }
+
+    /// A box that contains the solid, lower then upper corner (m); infinite where the solid is unbounded.
+    ///
+    /// Exact for primitives in their own frame and for unions of them, else possibly too large. Empty space has lower > upper.
+    pub fn bounds(&self) -> [[f64; 3]; 2] {
+        let mut stack: Vec<[[f64; 3]; 2]> = Vec::new();
+        for op in &self.ops {
+            match op {
+                SdfOp::Primitive { primitive, rotation, translation } => {
+                    stack.push(primitive_bounds(primitive, rotation, translation));
+                }
+                SdfOp::Union => {
+                    let ([lower_b, upper_b], [lower_a, upper_a]) = (stack.pop().unwrap(), stack.pop().unwrap());
+                    stack.push([zip(lower_a, lower_b, f64::min), zip(upper_a, upper_b, f64::max)]);
+                }
+                SdfOp::Intersection => {
+                    let ([lower_b, upper_b], [lower_a, upper_a]) = (stack.pop().unwrap(), stack.pop().unwrap());
+                    stack.push([zip(lower_a, lower_b, f64::max), zip(upper_a, upper_b, f64::min)]);
+                }
+                SdfOp::Difference => {
+                    stack.pop();
+                }
+                SdfOp::Shell(_) => {}
+            }
+        }
+        stack.pop().unwrap_or([[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]])
+    }
+
+    /// Depth of the stack that the program needs; at most [`SDF_STACK`] in a valid problem.
+    pub fn stack_depth(&self) -> usize {
+        let (mut depth, mut deepest) = (0usize, 0);
+        for op in &self.ops {
+            match op {
+                SdfOp::Primitive { .. } => depth += 1,
+                SdfOp::Union | SdfOp::Intersection | SdfOp::Difference => depth -= 1,
+                SdfOp::Shell(_) => {}
+            }
+            deepest = deepest.max(depth);
+        }
+        deepest
+    }
+}
+
+fn primitive_bounds(primitive: &Primitive, rotation: &[f64; 9], translation: &[f64; 3]) -> [[f64; 3]; 2] {
+    let Some(h) = primitive.half_extents() else {
+        // The normal is the local z axis; a wall along the axes bounds one side.
+        let mut bounds = [[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]];
+        for a in 0..3 {
+            if rotation[6 + a].abs() > 1.0 - 1e-15 {
+                bounds[if rotation[6 + a] > 0.0 { 1 } else { 0 }][a] = translation[a];
+            }
+        }
+        return bounds;
+    };
+    let mut reach = [0.0; 3];
+    for a in 0..3 {
+        reach[a] = match *primitive {
+            Primitive::Sphere(r) => r,
+            // Exact for a disc of radius r swept along its axis, with the local z axis in the third row.
+            Primitive::Cylinder(r, half) => disc_reach(rotation, a) * r + rotation[6 + a].abs() * half,
+            Primitive::Torus(major, minor) => disc_reach(rotation, a) * major + minor,
+            _ => (0..3).map(|k| rotation[3 * k + a].abs() * h[k]).sum(),
+        };
+    }
+    [zip(*translation, reach, |t, r| t - r), zip(*translation, reach, |t, r| t + r)]
+}
+
+/// Extent along world axis `a` of the unit disc normal to the local z axis.
+fn disc_reach(rotation: &[f64; 9], a: usize) -> f64 {
+    rotation[a].hypot(rotation[3 + a])
+}
+
+fn zip(a: [f64; 3], b: [f64; 3], f: impl Fn(f64, f64) -> f64) -> [f64; 3] {
+    [f(a[0], b[0]), f(a[1], b[1]), f(a[2], b[2])]
+}
+
+/// R x for a row-major matrix.
+pub fn rotate(r: &[f64; 9], x: [f64; 3]) -> [f64; 3] {
+    [
+        r[0] * x[0] + r[1] * x[1] + r[2] * x[2],
+        r[3] * x[0] + r[4] * x[1] + r[5] * x[2],
+        r[6] * x[0] + r[7] * x[1] + r[8] * x[2],
+    ]
+}
+
+/// Rᵀ x for a row-major matrix.
+pub fn rotate_back(r: &[f64; 9], x: [f64; 3]) -> [f64; 3] {
+    [
+        r[0] * x[0] + r[3] * x[1] + r[6] * x[2],
+        r[1] * x[0] + r[4] * x[1] + r[7] * x[2],
+        r[2] * x[0] + r[5] * x[1] + r[8] * x[2],
+    ]
+}
+
+/// Rotation by `angle` (rad) about a unit `axis` (Rodrigues), row-major.
+pub fn axis_angle(axis: [f64; 3], angle: f64) -> [f64; 9] {
+    let [x, y, z] = axis;
+    let (s, c) = angle.sin_cos();
+    let t = 1.0 - c;
+    [
+        c + t * x * x,
+        t * x * y - s * z,
+        t * x * z + s * y,
+        t * x * y + s * z,
+        c + t * y * y,
+        t * y * z - s * x,
+        t * x * z - s * y,
+        t * y * z + s * x,
+        c + t * z * z,
+    ]
+}
