@@ -7,3 +7,4 @@ pub mod particles;
 pub mod problem;
 pub mod real;
 pub mod svd;
+pub mod timestep;
