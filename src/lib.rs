@@ -4,6 +4,7 @@
 
 pub mod backend;
 pub mod engine;
+pub mod gpu;
 pub mod material;
 pub mod scene;
 pub mod sim;

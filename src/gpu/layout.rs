@@ -1,0 +1,139 @@
+//! Rust twins of the structs in `wgsl/shared/layout.wgsl`; `tests/layout.rs` compares every offset with naga's.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Nodes of one grid in a block.
+pub const BLOCK_NODES: usize = 64;
+/// Values a node: mass and momentum.
+pub const NODE_CHANNELS: usize = 4;
+/// v and B of a particle.
+pub const VELOCITY_CHANNELS: usize = 12;
+/// Blocks of room around a domain with walls: particles may stand a little beyond a wall, and scatter further.
+pub const PAD_BLOCKS: usize = 2;
+/// Most particles in a work item (`WORK_MAX` in the shaders).
+pub const WORK_MAX: usize = 1024;
+
+pub const HALT_BLOCKS: u32 = 1;
+pub const HALT_REPLAN: u32 = 2;
+pub const HALT_ERROR: u32 = 4;
+pub const HALT_MASS: u32 = 8;
+pub const HALT_MOMENTUM: u32 = 16;
+
+pub const ERROR_NAN: u32 = 1;
+pub const ERROR_CFL: u32 = 2;
+pub const ERROR_DOMAIN: u32 = 4;
+pub const ERROR_RANGE: u32 = 8;
+
+/// Indirect dispatches, in the order of the shaders' `GROUPS_*`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Groups {
+    Stale = 0,
+    Work = 1,
+    BlocksIn = 2,
+    BlocksOut = 3,
+    SlotsOut = 4,
+    Particles = 5,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Params {
+    pub blocks: [u32; 3],
+    pub particles: u32,
+    pub cells: [f32; 3],
+    pub dx: f32,
+    pub gravity: [f32; 3],
+    pub dt: f32,
+    pub pad: [i32; 3],
+    pub capacity: u32,
+    pub periodic: [u32; 3],
+    pub colliders: u32,
+    pub mass_scale: f32,
+    pub momentum_scale: f32,
+    pub soft_shift: f32,
+    pub first_step: u32,
+    pub walls: [[f32; 4]; 6],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Status {
+    pub halt: u32,
+    pub error: u32,
+    pub error_particle: u32,
+    pub max_shift: u32,
+    pub max_speed: u32,
+    pub step: u32,
+    pub index: u32,
+    pub work_count: u32,
+    pub cursor: u32,
+    pub stale: u32,
+    pub needed: u32,
+    pub finished: u32,
+    pub groups: [u32; 8],
+}
+
+impl Status {
+    /// Before a frame's first commit, which counts up to step 0.
+    pub fn frame_start() -> Self {
+        Self { error_particle: u32::MAX, step: u32::MAX, ..Self::default() }
+    }
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Body {
+    pub mass: f32,
+    pub volume: f32,
+    pub material: u32,
+    pub unused: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Material {
+    pub model: u32,
+    pub a: f32,
+    pub b: f32,
+    pub c: f32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SdfOp {
+    pub r0: [f32; 4],
+    pub r1: [f32; 4],
+    pub r2: [f32; 4],
+    pub size: [f32; 3],
+    pub code: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Collider {
+    pub first: u32,
+    pub count: u32,
+    pub kind: u32,
+    pub friction: f32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Pose {
+    pub r0: [f32; 4],
+    pub r1: [f32; 4],
+    pub r2: [f32; 4],
+    pub linear: [f32; 4],
+    pub angular: [f32; 4],
+    pub center: [f32; 4],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Work {
+    pub block: u32,
+    pub start: u32,
+    pub count: u32,
+    pub unused: u32,
+}

@@ -1,0 +1,136 @@
+//! The GPU engine on its own: exact motions, repeatability, growth, guards and errors.
+
+mod common;
+
+use gridfall::engine::{Control, Engine, EngineError, NoControl};
+use gridfall::sim::particles::Particles;
+use gridfall::sim::problem::Problem;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+fn block(kernel: &str, boundary: &str, extra: &str) -> Problem {
+    common::problem(&format!(
+        r#"{{ "gridfall": 1, "name": "block",
+        "domain": {{ "min": [0, 0, 0], "max": [1, 1, 1], "dx": 0.0625, "boundary": {{ {boundary} }} }},
+        "gravity": [0, 0, -2],
+        "materials": {{ "jelly": {{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 }} }},
+        "bodies": [ {{ "name": "a", "material": "jelly", "shape": {{ "box": {{ "min": [0.3, 0.3, 0.5], "max": [0.6, 0.6, 0.8] }} }}, {extra} }} ],
+        "time": {{ "end": 0.1, "frame_rate": 100 }}, "solver": {{ "kernel": "{kernel}" }} }}"#
+    ))
+}
+
+fn run(problem: &Problem, frames: u32) -> (Particles, u64) {
+    let mut engine = common::gpu_engine(problem);
+    let steps = (0..frames).map(|_| engine.advance_frame(problem.frame_s, &NoControl).unwrap().steps).sum();
+    (engine.snapshot().unwrap(), steps)
+}
+
+#[test]
+fn free_fall_is_exact_to_rounding() {
+    for kernel in ["compact", "quadratic"] {
+        let problem = block(kernel, "", r#""velocity": [0.2, -0.1, 0.3]"#);
+        let (after, steps) = run(&problem, 10);
+        let t: f64 = 0.1;
+        // Symplectic Euler: z = v t - ½ g t (t + dt).
+        let expected = [0.2 * t, -0.1 * t, 0.3 * t - t * (t + t / steps as f64)];
+        let (mut x_error, mut v_error, mut f_error) = (0.0f64, 0.0f64, 0.0f64);
+        for id in 0..after.len() {
+            for a in 0..3 {
+                x_error = x_error.max((after.x[id][a] - problem.particles.x[id][a] - expected[a]).abs() / problem.dx);
+                v_error = v_error.max((after.v[id][a] - [0.2, -0.1, 0.3 - 2.0 * t][a]).abs());
+            }
+            for k in 0..9 {
+                f_error = f_error.max((after.f[id][k] - problem.particles.f[id][k]).abs());
+            }
+        }
+        println!("{kernel}: {steps} steps, x {x_error:.1e} dx, v {v_error:.1e} m/s, F {f_error:.1e}");
+        assert!(x_error < 2e-5 && v_error < 2e-5 && f_error < 2e-5);
+    }
+}
+
+#[test]
+fn two_runs_are_equal_bit_for_bit() {
+    let mut problem = block("compact", r#""z-": {"contact":"slip"}"#, r#""sampling": "jittered""#);
+    println!("seed 5");
+    common::randomise(&mut problem, &mut ChaCha8Rng::seed_from_u64(5));
+    let first = run(&problem, 3);
+    assert_eq!(first, run(&problem, 3));
+}
+
+#[test]
+fn periodic_axes_carry_bodies_around() {
+    for kernel in ["compact", "quadratic"] {
+        let mut problem =
+            block(kernel, r#""x": "periodic", "y": "periodic", "z": "periodic""#, r#""velocity": [4, -3, 0]"#);
+        problem.gravity = [0.0; 3];
+        problem.frame_s = 0.1;
+        let (after, _) = run(&problem, 10);
+        // One second at 4 and -3 m/s: four and three times around.
+        for (x, x0) in after.x.iter().zip(&problem.particles.x) {
+            for a in 0..3 {
+                assert!((x[a] - x0[a]).abs() < 2e-4 * problem.dx, "{kernel}: {x:?} {x0:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn momentum_is_kept_over_a_thousand_steps() {
+    let mut problem = block("compact", "", r#""angular_velocity": [0, 0, 3], "velocity": [0.1, 0, 0]"#);
+    problem.gravity = [0.0; 3];
+    problem.max_dt_s = Some(1e-4);
+    let momentum =
+        |p: &Particles| -> [f64; 3] { std::array::from_fn(|a| p.v.iter().map(|v| v[a]).sum::<f64>() / p.len() as f64) };
+    // About z through the origin, in mean (m²/s).
+    let spin = |p: &Particles| -> f64 {
+        (0..p.len()).map(|i| p.x[i][0] * p.v[i][1] - p.x[i][1] * p.v[i][0] + p.b[i][3] - p.b[i][1]).sum::<f64>()
+            / p.len() as f64
+    };
+    let (after, steps) = run(&problem, 10);
+    assert!(steps >= 1000);
+    let (p0, p1) = (momentum(&problem.particles), momentum(&after));
+    let (l0, l1) = (spin(&problem.particles), spin(&after));
+    println!("{steps} steps: momentum {p0:?} → {p1:?}, angular {l0} → {l1}");
+    for a in 0..3 {
+        assert!((p1[a] - p0[a]).abs() < 1e-6);
+    }
+    assert!((l1 - l0).abs() < 1e-5 * l0.abs());
+}
+
+#[test]
+fn a_speed_that_grows_inside_a_frame_leads_to_a_new_plan() {
+    // A strongly squeezed block bursts from rest: the plan at rest is far too long for it.
+    let mut problem = block("compact", "", r#""J": 0.2"#);
+    problem.gravity = [0.0; 3];
+    problem.cfl = 0.05;
+    problem.frame_s = 0.05;
+    let mut engine = common::gpu_engine(&problem);
+    let stats = engine.advance_frame(problem.frame_s, &NoControl).unwrap();
+    let quiet = block("compact", "", r#""J": 1.0"#);
+    let mut at_rest = common::gpu_engine(&Problem { gravity: [0.0; 3], cfl: 0.05, ..quiet });
+    let planned = at_rest.advance_frame(problem.frame_s, &NoControl).unwrap();
+    assert!(stats.steps > planned.steps, "{stats:?} {planned:?}");
+    assert!(engine.snapshot().unwrap().x.iter().flatten().all(|x| x.is_finite()));
+}
+
+#[test]
+fn failures_name_step_and_particle() {
+    let mut problem = block("compact", "", "\"velocity\": [0, 0, 0]");
+    problem.particles.f[77][0] = f64::NAN;
+    match common::gpu_engine(&problem).advance_frame(problem.frame_s, &NoControl) {
+        Err(EngineError::Diverged { step: 0, what, .. }) => assert!(what.contains("particle 77"), "{what}"),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn cancel_is_heard() {
+    struct Cancel;
+    impl Control for Cancel {
+        fn canceled(&self) -> bool {
+            true
+        }
+    }
+    let problem = block("compact", "", "\"velocity\": [0, 0, 0]");
+    assert!(matches!(common::gpu_engine(&problem).advance_frame(1.0, &Cancel), Err(EngineError::Canceled)));
+}

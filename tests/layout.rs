@@ -1,0 +1,86 @@
+//! Every shader is valid WGSL, and every struct that Rust and WGSL share has the same layout in both.
+
+use std::mem::offset_of;
+
+use gridfall::gpu::layout;
+use gridfall::gpu::shaders::{Stage, source};
+use gridfall::sim::problem::Kernel;
+
+fn parse(stage: Stage, kernel: Kernel) -> naga::Module {
+    let text = source(stage, kernel);
+    naga::front::wgsl::parse_str(&text)
+        .unwrap_or_else(|e| panic!("{} ({kernel:?}): {}", stage.name(), e.emit_to_string(&text)))
+}
+
+#[test]
+fn every_stage_is_valid_for_both_kernels() {
+    for kernel in [Kernel::Compact, Kernel::Quadratic] {
+        for stage in Stage::ALL {
+            let module = parse(stage, kernel);
+            naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::all())
+                .validate(&module)
+                .unwrap_or_else(|e| panic!("{} ({kernel:?}): {e:?}", stage.name()));
+        }
+    }
+}
+
+macro_rules! twin {
+    ($module:expr, $type:ident: $($field:ident),+) => {{
+        let (_, ty) = $module.types.iter().find(|(_, t)| t.name.as_deref() == Some(stringify!($type)))
+            .unwrap_or_else(|| panic!("no WGSL struct {}", stringify!($type)));
+        let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("{} is no struct", stringify!($type)) };
+        let shader: Vec<(String, usize)> =
+            members.iter().map(|m| (m.name.clone().unwrap(), m.offset as usize)).collect();
+        let rust = vec![$((stringify!($field).to_string(), offset_of!(layout::$type, $field))),+];
+        assert_eq!(rust, shader, "{}", stringify!($type));
+        assert_eq!(size_of::<layout::$type>(), *span as usize, "size of {}", stringify!($type));
+    }};
+}
+
+#[test]
+fn shared_structs_agree() {
+    let m = parse(Stage::G2p2g, Kernel::Compact);
+    twin!(m, Params: blocks, particles, cells, dx, gravity, dt, pad, capacity, periodic, colliders, mass_scale,
+        momentum_scale, soft_shift, first_step, walls);
+    twin!(m, Status: halt, error, error_particle, max_shift, max_speed, step, index, work_count, cursor, stale, needed,
+        finished, groups);
+    twin!(m, Body: mass, volume, material, unused);
+    twin!(m, Material: model, a, b, c);
+    twin!(m, SdfOp: r0, r1, r2, size, code);
+    twin!(m, Collider: first, count, kind, friction);
+    twin!(m, Pose: r0, r1, r2, linear, angular, center);
+    twin!(m, Work: block, start, count, unused);
+}
+
+#[test]
+fn shared_constants_agree() {
+    let m = parse(Stage::G2p2g, Kernel::Compact);
+    let constant = |name: &str| {
+        let (_, c) =
+            m.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name)).unwrap_or_else(|| panic!("no {name}"));
+        match m.global_expressions[c.init] {
+            naga::Expression::Literal(naga::Literal::U32(v)) => v,
+            ref e => panic!("{name}: {e:?}"),
+        }
+    };
+    for (name, rust) in [
+        ("HALT_BLOCKS", layout::HALT_BLOCKS),
+        ("HALT_REPLAN", layout::HALT_REPLAN),
+        ("HALT_ERROR", layout::HALT_ERROR),
+        ("HALT_MASS", layout::HALT_MASS),
+        ("HALT_MOMENTUM", layout::HALT_MOMENTUM),
+        ("ERROR_NAN", layout::ERROR_NAN),
+        ("ERROR_CFL", layout::ERROR_CFL),
+        ("ERROR_DOMAIN", layout::ERROR_DOMAIN),
+        ("ERROR_RANGE", layout::ERROR_RANGE),
+        ("GROUPS_STALE", layout::Groups::Stale as u32),
+        ("GROUPS_WORK", layout::Groups::Work as u32),
+        ("GROUPS_BLOCKS_IN", layout::Groups::BlocksIn as u32),
+        ("GROUPS_BLOCKS_OUT", layout::Groups::BlocksOut as u32),
+        ("GROUPS_SLOTS_OUT", layout::Groups::SlotsOut as u32),
+        ("GROUPS_PARTICLES", layout::Groups::Particles as u32),
+        ("WORK_MAX", layout::WORK_MAX as u32),
+    ] {
+        assert_eq!(constant(name), rust, "{name}");
+    }
+}

@@ -1,0 +1,19 @@
+// Start of a frame: activates the blocks around every particle, as `activate` does from the bins that do not exist yet.
+// One thread a particle.
+
+@compute @workgroup_size(WORKGROUP)
+fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) count: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let id = group_index(group, count) * WORKGROUP + lane;
+    if (id >= params.particles) {
+        return;
+    }
+    let c = block_coordinates(frame_position[id].w);
+    for (var i = 0u; i < 27u; i++) {
+        let b = block_index(c + neighbour(i));
+        if (b >= 0) {
+            claim(u32(b));
+        } else {
+            fail(ERROR_DOMAIN, id);
+        }
+    }
+}

@@ -1,0 +1,40 @@
+// Start of a frame: transfer from full particle states, p_i = Σ w (m v + m B D⁻¹ d) + dt f_i (CK-MPM eqs. 15–22).
+// In: states by id, bins of ids. Out: grid `_out`; particles in bin order.
+// One workgroup a work item, one lane a particle at a time; sums are integers in workgroup memory, then in the grid.
+
+@compute @workgroup_size(WORKGROUP)
+fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let item = group_index(group, groups);
+    var job = Work(0u, 0u, 0u, 0u);
+    if (item < status.groups[GROUPS_WORK]) {
+        job = work[item];
+    }
+    open_scatter(job.block, lane);
+    workgroupBarrier();
+    for (var i = lane; i < job.count; i += WORKGROUP) {
+        let to = job.start + i;
+        let id = list[to];
+        let y = bitcast<vec3<f32>>(frame_position[id].xyz);
+        let body = bodies[body_of[id]];
+        let material = materials[body.material];
+        let state = load_frame_deformation(id, material.model);
+        var v: vec3<f32>;
+        var B: mat3x3<f32>;
+        for (var k = 0u; k < 3u; k++) {
+            v[k] = frame_velocity[k * params.particles + id];
+            B[0][k] = frame_velocity[(3u + k) * params.particles + id];
+            B[1][k] = frame_velocity[(6u + k) * params.particles + id];
+            B[2][k] = frame_velocity[(9u + k) * params.particles + id];
+        }
+        let grad_v = times_inverse_moment(B, y) * (1.0 / params.dx);
+        let tau = kirchhoff(state, material, grad_v);
+        if (!scatter(id, y, body.mass, v, B, tau * (body.volume * params.dt / params.dx))) {
+            fail(ERROR_NAN, id);
+        }
+        position_out[to] = vec4<u32>(frame_position[id].xyz, id);
+        store_deformation(to, material.model, state);
+        list[to] = to;
+    }
+    workgroupBarrier();
+    flush_tile(lane);
+}

@@ -1,0 +1,36 @@
+// What one particle does between gather and scatter: x ← x + dt v, F ← (I + dt ∇v) F, with the guards of the step.
+
+struct Advanced {
+    ok: bool,
+    shift: vec3<i32>,  // block to the new block: -1, 0 or 1 per axis
+    y: vec3<f32>,      // offset in the old block, in [-1, 5): what the scatter tile is addressed by
+    local: vec3<f32>,  // offset in the new block, in [0, 4)
+    state: Deformation,
+}
+
+fn advance(y: vec3<f32>, g: Gathered, state: Deformation, model: u32, id: u32) -> Advanced {
+    var out: Advanced;
+    let move_cells = g.v * (params.dt / params.dx);
+    let farthest = max(max(abs(move_cells.x), abs(move_cells.y)), abs(move_cells.z));
+    out.state = deform(state, model, g.gradient * (params.dt / params.dx));
+    let size = select(norm2(out.state.F), abs(out.state.J), model == FLUID);
+    // Written so that NaN fails the test: on Vulkan x != x is not reliable.
+    if (!(farthest + size < 1e30)) {
+        fail(ERROR_NAN, id);
+        return out;
+    }
+    if (farthest >= 1.0) {
+        fail(ERROR_CFL, id);
+        return out;
+    }
+    atomicMax(&status.max_shift, bitcast<u32>(farthest));
+    if (farthest > params.soft_shift) {
+        atomicOr(&status.halt, HALT_REPLAN);
+    }
+    out.y = y + move_cells;
+    out.shift = vec3<i32>(floor(out.y * 0.25));
+    // Just below a block's edge the offset can round up to 4.
+    out.local = min(out.y - 4.0 * vec3<f32>(out.shift), vec3<f32>(3.9999998));
+    out.ok = true;
+    return out;
+}

@@ -1,0 +1,94 @@
+// Contact with rigid surfaces, and signed distance programs. Twin: src/sim/collider.rs. Positions relative to domain.min (m).
+
+const STICKY = 0u;
+const SLIP = 1u;
+/// Half step of the normals' central differences, in dx.
+const NORMAL_STEP = 0.03125;
+
+/// Velocity relative to the surface after contact; n points out of the surface.
+fn contact(v: vec3<f32>, n: vec3<f32>, kind: u32, friction: f32) -> vec3<f32> {
+    if (kind == STICKY) {
+        return vec3<f32>(0.0);
+    }
+    let normal = dot(v, n);
+    let tangent = v - normal * n;
+    if (kind == SLIP) {
+        return tangent;
+    }
+    if (normal >= 0.0) {
+        return v;
+    }
+    // Coulomb: the tangential impulse is at most friction times the normal one.
+    let speed = length(tangent);
+    let kept = max(0.0, speed + friction * normal);
+    return select(vec3<f32>(0.0), tangent * (kept / max(speed, 1e-30)), speed > 0.0);
+}
+
+fn primitive_distance(op: SdfOp, world: vec3<f32>) -> f32 {
+    let h = vec4<f32>(world, 1.0);
+    let x = vec3<f32>(dot(op.r0, h), dot(op.r1, h), dot(op.r2, h));
+    let a = op.size;
+    switch (op.code) {
+        case 0u: { // box, half extents a
+            let q = abs(x) - a;
+            return length(max(q, vec3<f32>(0.0))) + min(max(q.x, max(q.y, q.z)), 0.0);
+        }
+        case 1u: { return length(x) - a.x; } // sphere
+        case 2u: { // cylinder, radius and half height
+            let q = vec2<f32>(length(x.xy) - a.x, abs(x.z) - a.y);
+            return length(max(q, vec2<f32>(0.0))) + min(max(q.x, q.y), 0.0);
+        }
+        case 3u: { // torus, radii
+            return length(vec2<f32>(length(x.xy) - a.x, x.z)) - a.y;
+        }
+        default: { return x.z; } // half-space
+    }
+}
+
+fn distance_to(collider: Collider, x: vec3<f32>) -> f32 {
+    var stack: array<f32, 8>;
+    var top = 0u;
+    for (var i = collider.first; i < collider.first + collider.count; i++) {
+        let op = sdf_ops[i];
+        if (op.code < 16u) {
+            stack[top] = primitive_distance(op, x);
+            top += 1u;
+        } else if (op.code == 19u) { // shell
+            stack[top - 1u] = max(stack[top - 1u], -(stack[top - 1u] + op.size.x));
+        } else {
+            top -= 1u;
+            let b = stack[top];
+            let a = stack[top - 1u];
+            // 16 union, 17 intersection, 18 difference
+            stack[top - 1u] = select(max(a, select(b, -b, op.code == 18u)), min(a, b), op.code == 16u);
+        }
+    }
+    return stack[0];
+}
+
+fn collide(v_in: vec3<f32>, x: vec3<f32>) -> vec3<f32> {
+    var v = v_in;
+    for (var c = 0u; c < params.colliders; c++) {
+        let collider = colliders[c];
+        let pose = poses[(status.index - params.first_step) * params.colliders + c];
+        let h = vec4<f32>(x - vec3<f32>(pose.r0.w, pose.r1.w, pose.r2.w), 0.0);
+        let local = vec3<f32>(dot(pose.r0, h), dot(pose.r1, h), dot(pose.r2, h));
+        if (distance_to(collider, local) > 0.0) {
+            continue;
+        }
+        // Central differences, in a loop so that the program is compiled once here.
+        var gradient = vec3<f32>(0.0);
+        for (var i = 0u; i < 6u; i++) {
+            let sign = select(-1.0, 1.0, (i & 1u) == 1u);
+            let axis = vec3<f32>(vec3<u32>(i >> 1u) == vec3<u32>(0u, 1u, 2u));
+            gradient += sign * axis * distance_to(collider, local + (sign * NORMAL_STEP * params.dx) * axis);
+        }
+        let size = length(gradient);
+        let n_local = select(vec3<f32>(0.0), gradient / size, size > 0.0);
+        // Columns of the pose's rotation are the rows that are stored.
+        let n = n_local.x * pose.r0.xyz + n_local.y * pose.r1.xyz + n_local.z * pose.r2.xyz;
+        let surface = pose.linear.xyz + cross(pose.angular.xyz, x - pose.center.xyz);
+        v = surface + contact(v - surface, n, collider.kind, collider.friction);
+    }
+    return v;
+}

@@ -1,0 +1,76 @@
+// Compact C² kernel K(x) = 1 - |x| + sin(2π|x|)/2π on the dual grid (CK-MPM §4): 8 nodes of each of two grids at ±dx/4.
+// SHIFT = ¼: base nodes of a particle at x (in cells) are floor(x - ¼) = floor(y) and floor(x + ¼) = floor(y + ½).
+//
+// Weights without trigonometry or cancellation: per axis and grid let u = frac(x - s/4) and v = min(u, 1 - u). Then v⁺ + v⁻ = ½,
+// the smaller weight of a pair is g(v) = v - sin(2πv)/2π, its slope h(v) = 1 - cos 2πv, and with a = min(v⁺, v⁻) ≤ ¼
+//     g(½ - a) = ½ - 2a + g(a),  h(½ - a) = 2 - h(a),
+// so that two short polynomials in a² serve both grids with full relative precision down to the kernel's edge.
+
+const GRIDS = 2u;
+const NODES = 2u;
+const SHIFT = 0.25;
+
+struct Stencil {
+    base: array<vec3<i32>, 2>,         // first node, relative to the block; grid + then grid -
+    d: array<vec3<f32>, 2>,            // base node minus particle, in cells
+    w: array<array<vec3<f32>, 2>, 2>,  // grid, node: per axis
+    dw: array<array<vec3<f32>, 2>, 2>, // per axis and cell
+}
+
+struct Profile { g_plus: vec3<f32>, g_minus: vec3<f32>, h_plus: vec3<f32>, h_minus: vec3<f32>, high: vec3<bool> }
+
+/// g and h on both grids from the fraction f = u⁺; `high` where u⁺ > ½ (there u⁻ < ½).
+fn profile(f: vec3<f32>) -> Profile {
+    let v = min(f, 1.0 - f);     // v⁺; v⁻ = ½ - v⁺
+    let far = v > vec3<f32>(0.25);
+    let a = select(v, 0.5 - v, far);
+    let t = a * a * 39.478417604357434; // (2πa)²
+    // Taylor: 6/(2k+3)! and 2/(2k+2)!, (2π)²/6 and (2π)²/2 in front; t ≤ 2.47, so that the rest is below 1e-9.
+    let g = a * a * a * 6.579736267392905 * (1.0 - t * (0.05 - t * (1.0 / 840.0 - t * (1.0 / 60480.0
+        - t * (1.0 / 6652800.0 - t * (1.0 / 1037836800.0))))));
+    let h = a * a * 19.739208802178716 * (1.0 - t * (1.0 / 12.0 - t * (1.0 / 360.0 - t * (1.0 / 20160.0
+        - t * (1.0 / 1814400.0 - t * (1.0 / 239500800.0 - t * (1.0 / 43589145600.0)))))));
+    let g_far = 0.5 - 2.0 * a + g;
+    let h_far = 2.0 - h;
+    return Profile(select(g, g_far, far), select(g_far, g, far), select(h, h_far, far), select(h_far, h, far), f > vec3<f32>(0.5));
+}
+
+fn stencil(y: vec3<f32>) -> Stencil {
+    let b = floor(y);
+    let f = y - b;
+    let q = profile(f);
+    let step = select(vec3<f32>(0.0), vec3<f32>(1.0), f >= vec3<f32>(0.5));
+    var s: Stencil;
+    s.base[0] = vec3<i32>(b);
+    s.base[1] = vec3<i32>(b + step);
+    s.d[0] = -f;
+    s.d[1] = step - 0.5 - f;
+    // u⁺ = f ≤ ½: the far node 1 has the small weight; u⁻ = f + ½ - step.
+    s.w[0] = array(select(1.0 - q.g_plus, q.g_plus, q.high), select(q.g_plus, 1.0 - q.g_plus, q.high));
+    s.dw[0] = array(-q.h_plus, q.h_plus);
+    let high_minus = f < vec3<f32>(0.5);
+    s.w[1] = array(select(1.0 - q.g_minus, q.g_minus, high_minus), select(q.g_minus, 1.0 - q.g_minus, high_minus));
+    s.dw[1] = array(-q.h_minus, q.h_minus);
+    return s;
+}
+
+/// A D⁻¹ dx², D/dx² = diag(p) + s sᵀ by Sherman–Morrison: A diag(1/p) - (A q) qᵀ / (1 + s·q), q = s/p.
+fn times_inverse_moment(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
+    let f = y - floor(y);
+    let profile = profile(f);
+    let p = 0.5 * (profile.g_plus * (1.0 - profile.g_plus) + profile.g_minus * (1.0 - profile.g_minus));
+    // s = cos(2πx)/2π = -sin(2πu⁺)/2π, and sin(2πv)/2π = v - g(v).
+    let v = min(f, 1.0 - f);
+    let sine = v - profile.g_plus;
+    let s = select(-sine, sine, profile.high);
+    let q = s / p;
+    let aq = (a * q) / (1.0 + dot(s, q));
+    return mat3x3<f32>(a[0] / p.x - aq * q.x, a[1] / p.y - aq * q.y, a[2] / p.z - aq * q.z);
+}
+
+fn node_offset(grid: u32) -> f32 {
+    return select(0.25, -0.25, grid == 1u);
+}
+
+/// ½ of the dual grid's means; 1 for a single grid.
+const GRID_SHARE = 0.5;

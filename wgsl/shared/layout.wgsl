@@ -1,0 +1,164 @@
+// Buffers and structs that every kernel sees. The Rust twins are in src/gpu/layout.rs; a test compares them field by field.
+//
+// Block: 4³ nodes of each grid. Slot: place of an active block in `grid_*`. The `_in` side belongs to the grid that holds
+// the particles' transfer at the step's start, the `_out` side to the one that this step fills; the host swaps them.
+//
+// Particle coordinates: y = x/dx - SHIFT (+ padding), stored as block and offset in [0, 4), so that a particle keeps full f32
+// precision however large the domain is.
+
+struct Params {
+    blocks: vec3<u32>,       // extent of the dense block table
+    particles: u32,
+    cells: vec3<f32>,        // extent of the domain in cells
+    dx: f32,                 // m
+    gravity: vec3<f32>,      // m/s²
+    dt: f32,                 // s
+    pad: vec3<i32>,          // cells from the table's corner to the domain's, 0 on periodic axes
+    capacity: u32,           // block slots
+    periodic: vec3<u32>,
+    colliders: u32,
+    mass_scale: f32,         // fixed-point units per kg
+    momentum_scale: f32,     // fixed-point units per kg m/s
+    soft_shift: f32,         // displacement a step, in cells, above which the host plans smaller steps
+    first_step: u32,         // step that `poses` begins with
+    walls: array<vec4<f32>, 6>, // x-, x+, y-, y+, z-, z+: contact kind, friction, unused, unused
+}
+
+struct Status {
+    halt: atomic<u32>,       // HALT_* bits; any stops all later steps until the host clears it
+    error: atomic<u32>,      // ERROR_* bits
+    error_particle: atomic<u32>, // lowest id that raised an error
+    max_shift: atomic<u32>,  // largest displacement of one step so far in cells, f32 bits
+    max_speed: atomic<u32>,  // largest |v| + sqrt(3) dx |C| at the last g2p (m/s), f32 bits
+    step: u32,               // steps committed since the frame's start
+    index: u32,              // step now running
+    work_count: atomic<u32>, // entries of `work`
+    cursor: atomic<u32>,     // particles handed out to bins
+    stale: u32,              // blocks of the previous use of the `_out` side
+    needed: u32,             // most blocks that an activation asked for
+    finished: u32,           // 1 once the frame's last step has run
+    groups: array<u32, 8>,   // workgroups wanted by each indirect dispatch
+}
+
+struct Body { mass: f32, volume: f32, material: u32, unused: u32 }
+
+// model: 0 fixed corotated (a = mu, b = lambda), 1 neo-Hookean (a = mu, b = lambda),
+// 2 weakly compressible fluid (a = K/gamma, b = gamma, c = viscosity)
+struct Material { model: u32, a: f32, b: f32, c: f32 }
+
+// One instruction of a signed distance program (src/sim/collider.rs): rotation rows and translation fold the frame.
+struct SdfOp { r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32>, size: vec3<f32>, code: u32 }
+
+struct Collider { first: u32, count: u32, kind: u32, friction: f32 }
+
+// Pose of a collider at a step: x_start = rotationᵀ (x - translation); velocity = linear + angular × (x - center).
+struct Pose {
+    r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32>, // rows of rotationᵀ; w = translation
+    linear: vec4<f32>, angular: vec4<f32>, center: vec4<f32>,
+}
+
+// A run of particles of one block, the work of one workgroup.
+struct Work { block: u32, start: u32, count: u32, unused: u32 }
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read_write> status: Status;
+@group(0) @binding(2) var<storage, read_write> table_in: array<u32>;              // block -> slot + 1, 0 = inactive
+@group(0) @binding(3) var<storage, read_write> table_out: array<atomic<u32>>;
+@group(0) @binding(4) var<storage, read_write> blocks_in: array<u32>;             // [0] count, then block by slot
+@group(0) @binding(5) var<storage, read_write> blocks_out: array<atomic<u32>>;
+@group(0) @binding(6) var<storage, read_write> grid_in: array<i32>;               // slot, grid, channel (m, p), node
+@group(0) @binding(7) var<storage, read_write> grid_out: array<atomic<i32>>;
+@group(0) @binding(8) var<storage, read_write> bins: array<atomic<u32>>;          // slot of `_out` -> count, then start
+@group(0) @binding(9) var<storage, read_write> work: array<Work>;
+@group(0) @binding(10) var<storage, read_write> destinations: array<vec2<u32>>;   // particle -> slot, rank in its bin
+@group(0) @binding(11) var<storage, read_write> list: array<u32>;                 // bin position -> particle
+@group(0) @binding(12) var<storage, read_write> position_in: array<vec4<u32>>;    // offset in block (f32 bits), id
+@group(0) @binding(13) var<storage, read_write> position_out: array<vec4<u32>>;
+@group(0) @binding(14) var<storage, read_write> deformation_in: array<f32>;       // channel-major: F by columns, or J
+@group(0) @binding(15) var<storage, read_write> deformation_out: array<f32>;
+@group(0) @binding(16) var<storage, read_write> frame_position: array<vec4<u32>>; // by id: offset (f32 bits), block
+@group(0) @binding(17) var<storage, read_write> frame_velocity: array<f32>;       // by id, channel-major: v, B/dx by columns
+@group(0) @binding(18) var<storage, read_write> frame_deformation: array<f32>;    // by id, channel-major
+@group(0) @binding(19) var<storage, read_write> body_of: array<u32>;              // by id
+@group(0) @binding(20) var<storage, read_write> bodies: array<Body>;
+@group(0) @binding(21) var<storage, read_write> materials: array<Material>;
+@group(0) @binding(22) var<storage, read_write> sdf_ops: array<SdfOp>;
+@group(0) @binding(23) var<storage, read_write> colliders: array<Collider>;
+@group(0) @binding(24) var<storage, read_write> poses: array<Pose>;
+
+override WORKGROUP: u32 = 64u;
+/// MLS-MPM (forces and velocity gradient through D⁻¹) instead of APIC (through kernel gradients).
+override MLS: bool = true;
+
+const HALT_BLOCKS = 1u;   // more blocks wanted than there are slots; the step was not begun
+const HALT_REPLAN = 2u;   // a particle moved further than planned; the step is complete
+const HALT_ERROR = 4u;
+const HALT_MASS = 8u;     // node masses near the fixed-point range; the step is complete
+const HALT_MOMENTUM = 16u;
+
+const ERROR_NAN = 1u;
+const ERROR_CFL = 2u;     // a particle moved a cell or more in one step
+const ERROR_DOMAIN = 4u;
+const ERROR_RANGE = 8u;   // fixed-point overflow
+
+const SOFT_LIMIT = 536870912;  // 2^29: beyond it the scale is re-planned
+const HARD_LIMIT = 1073741824; // 2^30
+
+const GROUPS_STALE = 0u;
+const GROUPS_WORK = 1u;
+const GROUPS_BLOCKS_IN = 2u;
+const GROUPS_BLOCKS_OUT = 3u;
+const GROUPS_SLOTS_OUT = 4u;
+const GROUPS_PARTICLES = 5u;
+
+/// Most particles a workgroup takes; more of a block are shared out.
+const WORK_MAX = 1024u;
+
+fn halted() -> bool {
+    return atomicLoad(&status.halt) != 0u;
+}
+
+fn fail(code: u32, id: u32) {
+    atomicOr(&status.error, code);
+    atomicMin(&status.error_particle, id);
+    atomicOr(&status.halt, HALT_ERROR);
+}
+
+fn block_coordinates(block: u32) -> vec3<i32> {
+    let n = params.blocks;
+    return vec3<i32>(vec3<u32>(block % n.x, (block / n.x) % n.y, block / (n.x * n.y)));
+}
+
+/// Index in the block table, wrapped on periodic axes; -1 outside.
+fn block_index(c: vec3<i32>) -> i32 {
+    let n = vec3<i32>(params.blocks);
+    let wrapped = select(c, ((c % n) + n) % n, params.periodic == vec3<u32>(1u));
+    if (any(wrapped < vec3<i32>(0)) || any(wrapped >= n)) {
+        return -1;
+    }
+    return (wrapped.z * n.y + wrapped.y) * n.x + wrapped.x;
+}
+
+/// Linear index of a workgroup in a dispatch that was folded into two dimensions.
+fn group_index(id: vec3<u32>, count: vec3<u32>) -> u32 {
+    return id.y * count.x + id.x;
+}
+
+fn neighbour(i: u32) -> vec3<i32> {
+    return vec3<i32>(vec3<u32>(i % 3u, (i / 3u) % 3u, i / 9u)) - vec3<i32>(1);
+}
+
+/// Activates a block of the `_out` side once.
+fn claim(block: u32) {
+    // Reading first keeps the compare-and-swap rare: nearly all of the 27 claims on a block find it taken.
+    for (var tries = 0u; tries < 64u && atomicLoad(&table_out[block]) == 0u; tries++) {
+        let taken = atomicCompareExchangeWeak(&table_out[block], 0u, 0xffffffffu);
+        if (taken.exchanged) {
+            let slot = atomicAdd(&blocks_out[0], 1u);
+            if (slot < params.capacity) {
+                atomicStore(&blocks_out[slot + 1u], block);
+                atomicStore(&table_out[block], slot + 1u);
+            }
+        }
+    }
+}
