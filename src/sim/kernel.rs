@@ -4,7 +4,7 @@
 //! numbers; the compact kernel (CK-MPM, §4) interpolates from two grids s = ±1 with nodes at i + s/4, which both carry
 //! the full mass and momentum, so that what particles receive is the mean over the grids.
 
-use super::linalg::{Matrix, add_scaled, apply, dot};
+use super::linalg::{Matrix, Vector, add_scaled, apply, dot};
 use super::real::Real;
 
 /// Nodes and weights of a particle along one axis: `G` grids of `W` nodes each.
@@ -33,24 +33,29 @@ pub trait Kernel<const G: usize, const W: usize>: Send + Sync + 'static {
 
     fn axis<T: Real>(x: T) -> Axis<T, G, W>;
 
-    /// m D⁻¹. Sherman and Morrison: D⁻¹ = diag(1/p) − q qᵀ/(1 + s·q), q = s/p.
+    /// m D⁻¹ for D = diag(spread) + skew skewᵀ.
+    /// Sherman and Morrison: D⁻¹ = diag(1/p) − q qᵀ/(1 + s·q), q = s/p.
     #[inline(always)]
-    fn times_inverse_moment<T: Real, const D: usize>(m: &Matrix<T, D>, axes: &[Axis<T, G, W>; D]) -> Matrix<T, D> {
+    fn times_inverse_moment<T: Real, const D: usize>(
+        m: &Matrix<T, D>,
+        spread: &Vector<T, D>,
+        skew: &Vector<T, D>,
+    ) -> Matrix<T, D> {
         let mut c = *m;
-        let (mut skew, mut q) = ([T::ZERO; D], [T::ZERO; D]);
+        let mut q = *skew;
         for k in 0..D {
             // Only the linear kernel's spread can vanish, on a grid line, where m does too.
-            let inverse = T::ONE / axes[k].spread.max(T::TINY);
+            let inverse = T::ONE / spread[k].max(T::TINY);
             for i in 0..D {
                 c[i][k] = m[i][k] * inverse;
             }
-            (skew[k], q[k]) = (axes[k].skew, axes[k].skew * inverse);
+            q[k] = skew[k] * inverse;
         }
         if Self::DIAGONAL {
             return c;
         }
         let along = apply(m, &q);
-        let factor = T::ONE / (T::ONE + dot(&skew, &q));
+        let factor = T::ONE / (T::ONE + dot(skew, &q));
         let mut outer = c;
         for i in 0..D {
             for k in 0..D {

@@ -107,7 +107,7 @@ fn check_moment<K: Kernel<G, W>, const G: usize, const W: usize, const D: usize>
                 );
             }
         }
-        let inverse = K::times_inverse_moment(&identity(), &axes);
+        let inverse = K::times_inverse_moment(&identity(), &axes.map(|a| a.spread), &axes.map(|a| a.skew));
         let unit = mul(&d, &inverse);
         for i in 0..D {
             for k in 0..D {
