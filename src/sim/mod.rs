@@ -1,6 +1,8 @@
 //! The discretisation: particles, grid kernels, transfers, time step and diagnostics. No GPU, no runtime, no HTTP.
 
 pub mod collider;
+pub mod contact;
+pub mod kernel;
 pub mod linalg;
 pub mod moments;
 pub mod particles;

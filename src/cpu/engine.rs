@@ -1,0 +1,134 @@
+//! Frames: plan equal steps, run the stages, notice what goes wrong.
+
+use super::stages::{Moved, Stages, stages};
+use crate::engine::{Backend, Control, Engine, EngineError, FrameStats};
+use crate::sim::particles::Particles;
+use crate::sim::problem::{Axis, Problem};
+use crate::sim::timestep::plan_frame;
+
+/// A problem loaded on the CPU.
+pub struct CpuEngine {
+    backend: Backend,
+    /// Without particles: they live in the stages.
+    problem: Problem,
+    stages: Box<dyn Stages>,
+    step: u64,
+    time_s: f64,
+}
+
+impl CpuEngine {
+    /// Loads the problem at time 0. Errors: [`EngineError::Capacity`] beyond 2³² particles or 2²² cells along an axis.
+    pub fn new(problem: &Problem) -> Result<Self, EngineError> {
+        let particles = problem.particles.len();
+        if u32::try_from(particles).is_err() {
+            return Err(EngineError::Capacity(format!("{particles} particles; this engine counts to 2^32 - 1")));
+        }
+        if let Some(cells) = problem.cells.iter().find(|&&cells| cells > 1 << 22) {
+            return Err(EngineError::Capacity(format!("{cells} cells along an axis; this engine counts to 2^22")));
+        }
+        let backend = Backend {
+            kind: "cpu".into(),
+            device: format!("{} ({} threads)", processor(), rayon::current_num_threads()),
+            driver: String::new(),
+            software: false,
+            reason: "the CPU engine runs every scene".into(),
+        };
+        let without = Problem { particles: Particles::default(), ..problem.clone() };
+        Ok(Self { backend, problem: without, stages: stages(problem), step: 0, time_s: 0.0 })
+    }
+
+    /// The step just done must be one that can be gone on from.
+    fn check(&self, moved: &Moved) -> Result<(), EngineError> {
+        let (step, time_s) = (self.step, self.time_s);
+        if moved.diverged {
+            return Err(EngineError::Diverged { step, time_s, what: self.diverged() });
+        }
+        if moved.outside {
+            return Err(EngineError::LeftDomain { step, time_s, what: self.outside() });
+        }
+        Ok(())
+    }
+
+    fn diverged(&self) -> String {
+        let p = self.stages.particles();
+        let speed_squared = |v: &[f64; 3]| v.iter().map(|c| c * c).sum::<f64>();
+        let worst = (0..p.len()).find(|&i| !speed_squared(&p.v[i]).is_finite());
+        let fastest = || (0..p.len()).max_by(|&a, &b| speed_squared(&p.v[a]).total_cmp(&speed_squared(&p.v[b])));
+        let i = worst.or_else(fastest).expect("a problem has particles");
+        let fault = if worst.is_some() {
+            "has a velocity that is not a number".into()
+        } else {
+            format!("moved a whole cell in one step at {:.3e} m/s", speed_squared(&p.v[i]).sqrt())
+        };
+        format!("particle {i} (body \"{}\") {fault}", self.problem.bodies[p.body[i] as usize].name)
+    }
+
+    fn outside(&self) -> String {
+        let (p, problem) = (self.stages.particles(), &self.problem);
+        let out = |i: usize, a: usize| {
+            let x = (p.x[i][a] - problem.origin[a]) / problem.dx;
+            matches!(problem.axes[a], Axis::Walls(_)) && !(-1.0..=problem.cells[a] as f64 + 1.0).contains(&x)
+        };
+        let i = (0..p.len()).find(|&i| (0..problem.dimension).any(|a| out(i, a))).unwrap_or(0);
+        let body = &problem.bodies[p.body[i] as usize].name;
+        format!("particle {i} (body \"{body}\") is at {:?} m", &p.x[i][..problem.dimension])
+    }
+}
+
+impl Engine for CpuEngine {
+    fn backend(&self) -> &Backend {
+        &self.backend
+    }
+
+    fn advance_frame(&mut self, frame_s: f64, control: &dyn Control) -> Result<FrameStats, EngineError> {
+        let (start_s, first_step) = (self.time_s, self.step);
+        self.stages.start_frame();
+        let (speed, rate) = self.stages.fastest();
+        let mut plan = plan_frame(&self.problem, speed, rate, frame_s);
+        let mut from_s = start_s;
+        let mut done = 0;
+        self.stages.p2g(plan.dt_s);
+        loop {
+            if control.canceled() {
+                return Err(EngineError::Canceled);
+            }
+            self.stages.grid_update(plan.dt_s, self.time_s);
+            done += 1;
+            let last = done == plan.steps;
+            let moved = if last { self.stages.g2p(plan.dt_s) } else { self.stages.g2p2g(plan.dt_s) };
+            self.step += 1;
+            self.time_s = if last { start_s + frame_s } else { from_s + done as f64 * plan.dt_s };
+            self.check(&moved)?;
+            control.progress(self.step, self.time_s);
+            if last {
+                break;
+            }
+            // Faster than planned for: what remains of the frame in smaller equal steps.
+            let too_fast = moved.max_speed_m_s * plan.dt_s > self.problem.cfl * self.problem.dx;
+            if too_fast {
+                let (speed, rate) = self.stages.fastest();
+                from_s = self.time_s;
+                plan = plan_frame(&self.problem, speed, rate, start_s + frame_s - from_s);
+                done = 0;
+            }
+            if too_fast || moved.strayed {
+                self.stages.bin();
+                self.stages.p2g(plan.dt_s);
+            }
+        }
+        let steps = self.step - first_step;
+        Ok(FrameStats { steps, dt_s: frame_s / steps as f64, isolated_reset: 0 })
+    }
+
+    fn snapshot(&mut self) -> Result<Particles, EngineError> {
+        Ok(self.stages.particles())
+    }
+}
+
+/// The processor's name as the system knows it.
+fn processor() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name =
+        info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':').map(|(_, name)| name.trim()));
+    name.unwrap_or(std::env::consts::ARCH).to_string()
+}

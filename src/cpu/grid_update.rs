@@ -1,0 +1,181 @@
+//! Grid update: sum the tiles, v_i = p_i / m_i + dt g, then walls axis by axis, then colliders in scene order.
+//!
+//! In: tiles (forces are already in their momenta). Out: node velocities. One thread a grid block; a node's sum runs over
+//! the tiles in the order of their blocks.
+
+use rayon::prelude::*;
+
+use super::tile::{BLOCK, MASS, Node};
+use crate::sim::collider::{Collider, NORMAL_STEP_DX};
+use crate::sim::contact::{respond, wall_side};
+use crate::sim::problem::{Axis, Problem};
+use crate::sim::real::Real;
+
+/// Sparse grid: blocks of 4^D nodes on each of `G` grids, and how tiles map onto them.
+#[derive(Clone, Debug, Default)]
+pub struct Grid<T, const D: usize, const G: usize> {
+    blocks: Vec<[i32; D]>,
+    /// Node of every entry of every tile.
+    slots: Vec<u32>,
+    tile: usize,
+    /// Entries of tiles by node: those of node i are `entries[first[i]..first[i + 1]]`, in the order of their blocks.
+    first: Vec<u32>,
+    entries: Vec<u32>,
+    velocities: Vec<Node<T>>,
+}
+
+/// A node as tests see it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NodeState {
+    pub grid: usize,
+    /// Node i of grid s lies at (i + s/4) dx; z is 0 in 2D.
+    pub index: [i32; 3],
+    /// kg.
+    pub mass: f64,
+    /// Forces of the coming step included (kg·m/s).
+    pub momentum: [f64; 3],
+    /// After the last grid update (m/s).
+    pub velocity: [f64; 3],
+}
+
+impl<T: Real, const D: usize, const G: usize> Grid<T, D, G> {
+    /// Nodes of a grid block.
+    pub const NODES: usize = G * (BLOCK as usize).pow(D as u32);
+
+    /// `slots[t * tile + e]` is the node of entry e of tile t.
+    pub fn new(blocks: Vec<[i32; D]>, slots: Vec<u32>, tile: usize) -> Self {
+        let nodes = blocks.len() * Self::NODES;
+        let mut first = vec![0; nodes + 1];
+        for &slot in &slots {
+            first[slot as usize + 1] += 1;
+        }
+        for i in 0..nodes {
+            first[i + 1] += first[i];
+        }
+        let mut next = first.clone();
+        let mut entries = vec![0; slots.len()];
+        for (entry, &slot) in slots.iter().enumerate() {
+            entries[next[slot as usize] as usize] = entry as u32;
+            next[slot as usize] += 1;
+        }
+        Self { blocks, slots, tile, first, entries, velocities: vec![[T::ZERO; 4]; nodes] }
+    }
+
+    /// Copies the velocities of a tile's nodes.
+    #[inline(always)]
+    pub fn load_tile(&self, tile: usize, into: &mut [Node<T>]) {
+        let slots = &self.slots[tile * self.tile..(tile + 1) * self.tile];
+        for (node, &slot) in into.iter_mut().zip(slots) {
+            *node = self.velocities[slot as usize];
+        }
+    }
+
+    #[inline(always)]
+    fn sum(&self, node: usize, tiles: &[Node<T>]) -> Node<T> {
+        let mut total = [T::ZERO; 4];
+        for &entry in &self.entries[self.first[node] as usize..self.first[node + 1] as usize] {
+            let part = &tiles[entry as usize];
+            for c in 0..4 {
+                total[c] += part[c];
+            }
+        }
+        total
+    }
+
+    /// `shift[g]`: where node 0 of grid g lies (dx).
+    pub fn update(&mut self, problem: &Problem, tiles: &[Node<T>], shift: [f64; G], dt_s: f64, time_s: f64) {
+        let fall: [T; D] = std::array::from_fn(|a| T::from_f64(dt_s * problem.gravity[a]));
+        let mut velocities = std::mem::take(&mut self.velocities);
+        let blocks = velocities.par_chunks_exact_mut(Self::NODES).zip(&self.blocks).enumerate();
+        blocks.for_each(|(index, (block, corner))| {
+            let near = colliders_near(problem, corner, time_s);
+            for (local, velocity) in block.iter_mut().enumerate() {
+                let node = self.sum(index * Self::NODES + local, tiles);
+                *velocity = [T::ZERO; 4];
+                // Momentum over a mass that is not a normal number would be noise; w v of such a node is nothing.
+                if node[MASS] < T::TINY {
+                    continue;
+                }
+                let v = std::array::from_fn(|a| node[a] / node[MASS] + fall[a]);
+                let (g, i) = Self::node(corner, local);
+                let v = walls(problem, v, i, shift[g]);
+                let v = near.iter().fold(v, |v, collider| collide(problem, collider, v, i, shift[g], time_s));
+                velocity[..D].copy_from_slice(&v);
+            }
+        });
+        self.velocities = velocities;
+    }
+
+    /// Grid and index of a block's local node.
+    fn node(corner: &[i32; D], local: usize) -> (usize, [i32; D]) {
+        let side = BLOCK as usize;
+        let place = |a: usize| (local / side.pow((D - 1 - a) as u32) % side) as i32;
+        (local / side.pow(D as u32), std::array::from_fn(|a| BLOCK * corner[a] + place(a)))
+    }
+
+    /// All nodes with mass.
+    pub fn nodes(&self, tiles: &[Node<T>]) -> Vec<NodeState> {
+        let mut nodes = Vec::new();
+        for slot in 0..self.velocities.len() {
+            let sum = self.sum(slot, tiles);
+            if sum[MASS] > T::ZERO {
+                let (grid, i) = Self::node(&self.blocks[slot / Self::NODES], slot % Self::NODES);
+                let (mut index, mut momentum, mut velocity) = ([0; 3], [0.0; 3], [0.0; 3]);
+                for a in 0..D {
+                    index[a] = i[a];
+                    momentum[a] = sum[a].to_f64();
+                    velocity[a] = self.velocities[slot][a].to_f64();
+                }
+                nodes.push(NodeState { grid, index, mass: sum[MASS].to_f64(), momentum, velocity });
+            }
+        }
+        nodes
+    }
+}
+
+fn walls<T: Real, const D: usize>(problem: &Problem, mut v: [T; D], node: [i32; D], shift: f64) -> [T; D] {
+    for a in 0..D {
+        let Axis::Walls(contacts) = &problem.axes[a] else { continue };
+        if let Some(side) = wall_side(node[a], shift, problem.cells[a] as i32) {
+            let mut normal = [T::ZERO; D];
+            normal[a] = if side == 0 { T::ONE } else { -T::ONE };
+            v = respond(&contacts[side], &v, &normal, &[T::ZERO; D]);
+        }
+    }
+    v
+}
+
+/// Where a node is (m), in scene coordinates.
+fn position<const D: usize>(problem: &Problem, node: [i32; D], shift: f64) -> [f64; 3] {
+    let mut x = [0.0; 3];
+    for a in 0..D {
+        x[a] = problem.origin[a] + (node[a] as f64 + shift) * problem.dx;
+    }
+    x
+}
+
+/// Colliders that may reach a node of the block. Distances change by at most the way gone, so the block's middle tells.
+fn colliders_near<'a, const D: usize>(problem: &'a Problem, corner: &[i32; D], time_s: f64) -> Vec<&'a Collider> {
+    let middle = position(problem, corner.map(|c| BLOCK * c + BLOCK / 2), 0.0);
+    // Nodes lie within 2¼ cells of the middle on every axis.
+    let reach = 2.25 * (D as f64).sqrt() * problem.dx;
+    problem.colliders.iter().filter(|c| c.distance(middle, time_s) <= reach).collect()
+}
+
+fn collide<T: Real, const D: usize>(
+    problem: &Problem,
+    collider: &Collider,
+    v: [T; D],
+    node: [i32; D],
+    shift: f64,
+    time_s: f64,
+) -> [T; D] {
+    let x = position(problem, node, shift);
+    if collider.distance(x, time_s) > 0.0 {
+        return v;
+    }
+    let normal = collider.normal(x, time_s, NORMAL_STEP_DX * problem.dx);
+    let surface = collider.velocity_at(x, time_s);
+    let cast = |u: [f64; 3]| std::array::from_fn(|a| T::from_f64(u[a]));
+    respond(&collider.contact, &v, &cast(normal), &cast(surface))
+}

@@ -1,0 +1,17 @@
+//! The CPU engine: the reference for the GPU, the fallback, and the only one for 2D, f64, cubic, linear and PIC.
+//!
+//! Stages have the names of the shaders in `wgsl/`: bin, p2g, grid_update, g2p and the fused g2p2g.
+
+mod bin;
+mod chunk;
+mod engine;
+mod g2p;
+mod grid_update;
+mod p2g;
+mod solver;
+mod stages;
+mod tile;
+
+pub use engine::CpuEngine;
+pub use grid_update::NodeState;
+pub use stages::{Moved, Stages, stages};

@@ -1,0 +1,110 @@
+//! A solver without its type parameters, and the choice of one for a problem.
+
+use super::g2p::Moves;
+use super::grid_update::NodeState;
+use super::solver::Solver;
+use crate::sim::kernel::{Compact, Cubic, Kernel as KernelForm, Linear, Quadratic};
+use crate::sim::particles::Particles;
+use crate::sim::problem::{Kernel, Precision, Problem};
+use crate::sim::real::Real;
+
+/// What the particles did in a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moved {
+    /// Largest speed (m/s).
+    pub max_speed_m_s: f64,
+    /// A particle moved a whole dx, or its velocity is not a number.
+    pub diverged: bool,
+    /// A particle is more than a cell outside a wall.
+    pub outside: bool,
+    /// A particle left the nodes of its block: bin before the next p2g.
+    pub strayed: bool,
+}
+
+/// The stages of a step, one at a time. A frame is `start_frame`, `p2g`, then per step `grid_update` and `g2p2g`, in the
+/// last one `g2p`.
+pub trait Stages: Send {
+    /// Replaces all particle states; as many as the problem has, in sampling order.
+    fn load(&mut self, particles: &Particles);
+    /// Bins, and takes from the states whatever a run that starts here would take.
+    fn start_frame(&mut self);
+    /// Sorts particles into blocks and prepares these blocks' nodes.
+    fn bin(&mut self);
+    /// Mass, momentum and the impulse of a step's forces to the grid.
+    fn p2g(&mut self, dt_s: f64);
+    /// Node velocities at the end of a step from `time_s`; surfaces are where they are at its start.
+    fn grid_update(&mut self, dt_s: f64, time_s: f64);
+    /// Moves particles.
+    fn g2p(&mut self, dt_s: f64) -> Moved;
+    /// `g2p`, then `p2g` for a next step of the same length, unless particles strayed.
+    fn g2p2g(&mut self, dt_s: f64) -> Moved;
+    /// Full particle states in sampling order.
+    fn particles(&self) -> Particles;
+    /// All nodes with mass, after `p2g`.
+    fn nodes(&self) -> Vec<NodeState>;
+    /// Largest speed (m/s) and largest ‖C‖ (Frobenius, 1/s).
+    fn fastest(&self) -> (f64, f64);
+}
+
+impl<T: Real, K: KernelForm<G, W>, const D: usize, const G: usize, const W: usize> Stages for Solver<T, K, D, G, W> {
+    fn load(&mut self, particles: &Particles) {
+        Solver::load(self, particles);
+    }
+    fn start_frame(&mut self) {
+        Solver::start_frame(self);
+    }
+    fn bin(&mut self) {
+        Solver::bin(self);
+    }
+    fn p2g(&mut self, dt_s: f64) {
+        Solver::p2g(self, dt_s);
+    }
+    fn grid_update(&mut self, dt_s: f64, time_s: f64) {
+        Solver::grid_update(self, dt_s, time_s);
+    }
+    fn g2p(&mut self, dt_s: f64) -> Moved {
+        Solver::g2p(self, dt_s).into()
+    }
+    fn g2p2g(&mut self, dt_s: f64) -> Moved {
+        Solver::g2p2g(self, dt_s).into()
+    }
+    fn particles(&self) -> Particles {
+        Solver::particles(self)
+    }
+    fn nodes(&self) -> Vec<NodeState> {
+        self.grid.nodes(&self.tiles)
+    }
+    fn fastest(&self) -> (f64, f64) {
+        Solver::fastest(self)
+    }
+}
+
+impl<T: Real> From<Moves<T>> for Moved {
+    fn from(m: Moves<T>) -> Self {
+        Self {
+            max_speed_m_s: m.speed_squared.to_f64().sqrt(),
+            diverged: m.diverged,
+            outside: m.outside,
+            strayed: m.strayed,
+        }
+    }
+}
+
+/// The solver for a problem's dimension, precision and kernel, loaded with its particles.
+pub fn stages(problem: &Problem) -> Box<dyn Stages> {
+    match (problem.dimension, problem.precision) {
+        (2, Precision::F32) => with_kernel::<f32, 2>(problem),
+        (2, Precision::F64) => with_kernel::<f64, 2>(problem),
+        (_, Precision::F32) => with_kernel::<f32, 3>(problem),
+        (_, Precision::F64) => with_kernel::<f64, 3>(problem),
+    }
+}
+
+fn with_kernel<T: Real, const D: usize>(problem: &Problem) -> Box<dyn Stages> {
+    match problem.kernel {
+        Kernel::Compact => Box::new(Solver::<T, Compact, D, 2, 2>::new(problem)),
+        Kernel::Quadratic => Box::new(Solver::<T, Quadratic, D, 1, 3>::new(problem)),
+        Kernel::Cubic => Box::new(Solver::<T, Cubic, D, 1, 4>::new(problem)),
+        Kernel::Linear => Box::new(Solver::<T, Linear, D, 1, 2>::new(problem)),
+    }
+}

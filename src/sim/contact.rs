@@ -1,0 +1,90 @@
+//! What a surface does to the velocity of a grid node that it touches.
+
+use super::linalg::{Vector, dot};
+use super::problem::{Contact, ContactKind};
+use super::real::Real;
+
+/// The velocity after contact with a surface of unit normal `n` (into the material) that moves at `surface`.
+///
+/// Sticky: the surface's velocity. Slip: the relative velocity loses its normal part. Separate: only an inward normal
+/// part is lost, and Coulomb friction takes up to μ times as much of the tangential part.
+#[inline]
+pub fn respond<T: Real, const D: usize>(
+    contact: &Contact,
+    v: &Vector<T, D>,
+    n: &Vector<T, D>,
+    surface: &Vector<T, D>,
+) -> Vector<T, D> {
+    let mut relative = *v;
+    for a in 0..D {
+        relative[a] -= surface[a];
+    }
+    let normal = dot(&relative, n);
+    match contact.kind {
+        ContactKind::Sticky => return *surface,
+        ContactKind::Separate if normal >= T::ZERO => return *v,
+        ContactKind::Slip | ContactKind::Separate => {}
+    }
+    for a in 0..D {
+        relative[a] -= normal * n[a];
+    }
+    if contact.friction > 0.0 {
+        let speed = dot(&relative, &relative).sqrt();
+        let loss = T::from_f64(contact.friction) * -normal;
+        let kept = if loss < speed { T::ONE - loss / speed } else { T::ZERO };
+        relative = relative.map(|r| r * kept);
+    }
+    for a in 0..D {
+        relative[a] += surface[a];
+    }
+    relative
+}
+
+/// Which wall of an axis a node is on or beyond: 0 the lower, 1 the upper. Node i of a grid lies at i + `shift` (dx),
+/// the walls' planes at 0 and `cells`.
+#[inline]
+pub fn wall_side(node: i32, shift: f64, cells: i32) -> Option<usize> {
+    let position = node as f64 + shift;
+    if position <= 0.0 {
+        Some(0)
+    } else if position >= cells as f64 {
+        Some(1)
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn after(kind: ContactKind, friction: f64, v: [f64; 3], surface: [f64; 3]) -> [f64; 3] {
+        respond(&Contact { kind, friction }, &v, &[0.0, 0.0, 1.0], &surface)
+    }
+
+    #[test]
+    fn each_contact_does_what_it_says() {
+        use ContactKind::*;
+        let (down, up, moving) = ([3.0, 4.0, -2.0], [3.0, 4.0, 2.0], [1.0, 0.0, 0.5]);
+        assert_eq!(after(Sticky, 0.0, down, moving), moving);
+        assert_eq!(after(Slip, 0.0, down, [0.0; 3]), [3.0, 4.0, 0.0]);
+        assert_eq!(after(Slip, 0.0, up, moving), [3.0, 4.0, 0.5]);
+        assert_eq!(after(Separate, 0.3, up, [0.0; 3]), up);
+        assert_eq!(after(Separate, 0.0, down, [0.0; 3]), [3.0, 4.0, 0.0]);
+        // The normal part 2 is removed; friction 0.5 takes 1 of the tangential speed 5.
+        let slowed = after(Separate, 0.5, down, [0.0; 3]);
+        assert!((slowed[0] - 2.4).abs() < 1e-15 && (slowed[1] - 3.2).abs() < 1e-15 && slowed[2] == 0.0);
+        // Enough friction holds.
+        assert_eq!(after(Separate, 3.0, down, [0.0; 3]), [0.0; 3]);
+        assert_eq!(after(Separate, 9.0, down, moving), moving);
+    }
+
+    #[test]
+    fn wall_nodes_are_on_or_beyond_the_plane() {
+        assert_eq!([-1, 0, 1].map(|i| wall_side(i, 0.0, 8)), [Some(0), Some(0), None]);
+        assert_eq!([-1, 0].map(|i| wall_side(i, 0.25, 8)), [Some(0), None]);
+        assert_eq!([0, 1].map(|i| wall_side(i, -0.25, 8)), [Some(0), None]);
+        assert_eq!([7, 8].map(|i| wall_side(i, 0.25, 8)), [None, Some(1)]);
+        assert_eq!([8, 9].map(|i| wall_side(i, -0.25, 8)), [None, Some(1)]);
+    }
+}
