@@ -2,6 +2,7 @@
 
 pub mod collider;
 pub mod contact;
+pub mod diagnostics;
 pub mod kernel;
 pub mod linalg;
 pub mod moments;

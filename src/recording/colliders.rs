@@ -1,0 +1,167 @@
+//! `/colliders` and `/tf`: obstacles and the domain as `foxglove.SceneUpdate`, motions as `foxglove.FrameTransform`.
+//!
+//! Shapes are sent once, with frame 0, in the frame of their collider; a moving collider's frame is sent with every frame.
+
+use foxglove::messages::{
+    Color, CubePrimitive, CylinderPrimitive, Duration, FrameTransform, LinePrimitive, Point3, Pose, Quaternion,
+    SceneEntity, SceneUpdate, SpherePrimitive, Timestamp, TriangleListPrimitive, Vector3, line_primitive,
+};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+
+use super::surface;
+use super::writer::WORLD;
+use crate::sim::collider::{Collider, Motion, Primitive, Sdf, SdfOp};
+use crate::sim::problem::Problem;
+
+/// Cells along the longest side of a meshed collider.
+const RESOLUTION: usize = 96;
+
+/// All shapes at time 0.
+pub fn scene(problem: &Problem, timestamp: Timestamp) -> SceneUpdate {
+    let mut entities =
+        vec![SceneEntity { lines: vec![domain_outline(problem)], ..entity("domain", WORLD.into(), timestamp) }];
+    for collider in &problem.colliders {
+        let frame = if moves(collider) { frame_name(collider) } else { WORLD.into() };
+        let mut shape = entity(&collider.name, frame, timestamp);
+        draw(problem, &collider.sdf, &mut shape);
+        entities.push(shape);
+    }
+    SceneUpdate { entities, ..Default::default() }
+}
+
+/// Where the frames of the moving colliders are.
+pub fn transforms(problem: &Problem, time_s: f64, timestamp: Timestamp) -> Vec<FrameTransform> {
+    let moving = problem.colliders.iter().filter(|collider| moves(collider));
+    let transform = |collider: &Collider| {
+        let pose = collider.motion.pose(time_s);
+        FrameTransform {
+            timestamp: Some(timestamp),
+            parent_frame_id: WORLD.into(),
+            child_frame_id: frame_name(collider),
+            translation: Some(vector(pose.translation)),
+            rotation: Some(quaternion(&pose.rotation)),
+        }
+    };
+    moving.map(transform).collect()
+}
+
+/// True for shapes that may hold material inside, which pictures show through them.
+pub fn translucent(sdf: &Sdf) -> bool {
+    sdf.ops.len() > 1
+}
+
+/// Lower and upper corner of the domain; 2D scenes get one cell of thickness about z = 0.
+pub fn domain_box(problem: &Problem) -> [[f64; 3]; 2] {
+    let lower = problem.origin;
+    let upper = std::array::from_fn(|a| lower[a] + problem.cells[a] as f64 * problem.dx);
+    if problem.dimension == 3 {
+        return [lower, upper];
+    }
+    let half = 0.5 * problem.dx;
+    [[lower[0], lower[1], -half], [upper[0], upper[1], half]]
+}
+
+pub fn moves(collider: &Collider) -> bool {
+    collider.motion != Motion { center: collider.motion.center, ..Default::default() }
+}
+
+fn frame_name(collider: &Collider) -> String {
+    format!("colliders/{}", collider.name)
+}
+
+fn entity(id: &str, frame_id: String, timestamp: Timestamp) -> SceneEntity {
+    SceneEntity {
+        timestamp: Some(timestamp),
+        frame_id,
+        id: id.into(),
+        // Stays until replaced, and follows its frame.
+        lifetime: Some(Duration::new(0, 0)),
+        frame_locked: true,
+        ..Default::default()
+    }
+}
+
+/// Adds a solid to an entity: as one of the viewer's primitives where there is one, else as triangles.
+fn draw(problem: &Problem, sdf: &Sdf, entity: &mut SceneEntity) {
+    let color = Some(Color { r: 0.55, g: 0.58, b: 0.62, a: if translucent(sdf) { 0.4 } else { 1.0 } });
+    if let ([SdfOp::Primitive { primitive, rotation, translation }], 3) = (sdf.ops.as_slice(), problem.dimension) {
+        // The program's rotation leads into the primitive's frame; a pose leads out of it.
+        let orientation = Matrix3::from_row_slice(rotation).transpose();
+        let pose = Some(Pose { position: Some(vector(*translation)), orientation: Some(unit_quaternion(orientation)) });
+        match *primitive {
+            Primitive::Box(half) => {
+                let size = Some(vector(half.map(|h| 2.0 * h)));
+                return entity.cubes.push(CubePrimitive { pose, size, color });
+            }
+            Primitive::Sphere(r) => {
+                let size = Some(vector([2.0 * r; 3]));
+                return entity.spheres.push(SpherePrimitive { pose, size, color });
+            }
+            Primitive::Cylinder(r, half) => {
+                let size = Some(vector([2.0 * r, 2.0 * r, 2.0 * half]));
+                return entity.cylinders.push(CylinderPrimitive {
+                    pose,
+                    size,
+                    bottom_scale: 1.0,
+                    top_scale: 1.0,
+                    color,
+                });
+            }
+            Primitive::Torus(..) | Primitive::HalfSpace => {}
+        }
+    }
+    let [domain_lower, domain_upper] = domain_box(problem);
+    let [lower, upper] = sdf.bounds();
+    let lower: [f64; 3] = std::array::from_fn(|a| lower[a].max(domain_lower[a]));
+    let upper: [f64; 3] = std::array::from_fn(|a| upper[a].min(domain_upper[a]));
+    if (0..3).any(|a| lower[a] >= upper[a]) {
+        return;
+    }
+    let flat = if problem.dimension == 3 { 1.0 } else { 0.0 };
+    let mesh = surface::mesh(|x| sdf.distance([x[0], x[1], flat * x[2]]), lower, upper, RESOLUTION);
+    entity.triangles.push(TriangleListPrimitive {
+        pose: Some(Pose {
+            position: Some(vector([0.0; 3])),
+            orientation: Some(quaternion(&crate::sim::particles::IDENTITY)),
+        }),
+        points: mesh.vertices.into_iter().map(point).collect(),
+        color,
+        indices: mesh.triangles.into_iter().flatten().collect(),
+        ..Default::default()
+    });
+}
+
+fn domain_outline(problem: &Problem) -> LinePrimitive {
+    let corners = domain_box(problem);
+    let corner = |k: usize| point([corners[k & 1][0], corners[k >> 1 & 1][1], corners[k >> 2][2]]);
+    let edges = (0..8).flat_map(|k| [1, 2, 4].into_iter().filter(move |bit| k & bit == 0).map(move |bit| (k, k | bit)));
+    LinePrimitive {
+        r#type: line_primitive::Type::LineList.into(),
+        pose: Some(Pose {
+            position: Some(vector([0.0; 3])),
+            orientation: Some(quaternion(&crate::sim::particles::IDENTITY)),
+        }),
+        thickness: 1.0,
+        scale_invariant: true,
+        points: edges.flat_map(|(from, to)| [corner(from), corner(to)]).collect(),
+        color: Some(Color { r: 0.5, g: 0.55, b: 0.6, a: 0.8 }),
+        ..Default::default()
+    }
+}
+
+fn vector([x, y, z]: [f64; 3]) -> Vector3 {
+    Vector3 { x, y, z }
+}
+
+fn point([x, y, z]: [f64; 3]) -> Point3 {
+    Point3 { x, y, z }
+}
+
+fn quaternion(rotation: &[f64; 9]) -> Quaternion {
+    unit_quaternion(Matrix3::from_row_slice(rotation))
+}
+
+fn unit_quaternion(rotation: Matrix3<f64>) -> Quaternion {
+    let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+    Quaternion { x: q.i, y: q.j, z: q.k, w: q.w }
+}

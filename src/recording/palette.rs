@@ -1,0 +1,69 @@
+//! Colours of particles, the same in point clouds and pictures: a hue for each body, brighter where it moves fast.
+
+use crate::sim::problem::{Material, Problem};
+
+/// Linear RGB, 0 to 1.
+pub type Rgb = [f32; 3];
+
+/// Hues (sRGB) for fluids and for solids, in the order in which a scene's bodies take them.
+const FLUIDS: [[u8; 3]; 3] = [[0x1b, 0x6f, 0xd8], [0x12, 0x9a, 0x9e], [0x6a, 0x5a, 0xd6]];
+const SOLIDS: [[u8; 3]; 7] = [
+    [0xe8, 0x5d, 0x3a],
+    [0x2a, 0x9d, 0x8f],
+    [0xf0, 0xa8, 0x2e],
+    [0x7b, 0x5c, 0xd6],
+    [0xd8, 0x43, 0x7c],
+    [0x6b, 0xa8, 0x3f],
+    [0x3d, 0x7d, 0xd8],
+];
+
+/// Colours of a problem's bodies.
+pub struct Palette {
+    /// Base colour, colour at full speed.
+    bodies: Vec<[Rgb; 2]>,
+    /// Speed at which the second colour is reached (m/s); fixed for the run, so that colours do not flicker.
+    full_speed_m_s: f64,
+}
+
+impl Palette {
+    pub fn new(problem: &Problem) -> Self {
+        let (mut fluids, mut solids) = (FLUIDS.iter().cycle(), SOLIDS.iter().cycle());
+        let bodies = problem.bodies.iter().map(|body| {
+            let (hue, lightening) = match problem.materials[body.material] {
+                Material::WeaklyCompressibleFluid(_) => (fluids.next(), 0.75),
+                _ => (solids.next(), 0.35),
+            };
+            let base = hue.expect("a cycle has no end").map(from_srgb);
+            [base, base.map(|c| c + (0.95 - c) * lightening)]
+        });
+        Self { bodies: bodies.collect(), full_speed_m_s: characteristic_speed(problem) }
+    }
+
+    /// Colour of a particle of a body at a speed (m/s).
+    pub fn color(&self, body: u32, speed_m_s: f64) -> Rgb {
+        let [base, fast] = self.bodies[body as usize];
+        let t = (speed_m_s / self.full_speed_m_s).clamp(0.0, 1.0) as f32;
+        std::array::from_fn(|k| base[k] + (fast[k] - base[k]) * t * t)
+    }
+}
+
+/// The larger of the initial top speed and of that of a fall through the domain; 1 m/s where nothing moves.
+fn characteristic_speed(problem: &Problem) -> f64 {
+    let fastest = problem.particles.v.iter().map(|v| v.iter().map(|c| c * c).sum()).fold(0.0, f64::max);
+    let fall: f64 = (0..3).map(|a| 2.0 * problem.gravity[a].abs() * problem.cells[a] as f64 * problem.dx).sum();
+    let speed = fastest.max(fall).sqrt();
+    if speed > 0.0 { speed } else { 1.0 }
+}
+
+/// One channel, sRGB to linear.
+pub fn from_srgb(c: u8) -> f32 {
+    let c = f32::from(c) / 255.0;
+    if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+}
+
+/// One channel, linear to sRGB.
+pub fn to_srgb(c: f32) -> u8 {
+    let c = c.clamp(0.0, 1.0);
+    let c = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
+    (c * 255.0 + 0.5) as u8
+}

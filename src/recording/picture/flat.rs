@@ -1,0 +1,31 @@
+//! Pictures of 2D scenes: discs on a sheet, obstacles in grey.
+
+use rayon::prelude::*;
+
+use super::splat::{Ball, splat};
+use super::view::View;
+use super::{Canvas, lines};
+use crate::sim::problem::Problem;
+
+const PAPER: [f32; 3] = [0.93, 0.94, 0.955];
+const OBSTACLE: [f32; 3] = [0.36, 0.39, 0.43];
+
+pub fn draw(problem: &Problem, view: &View, balls: &[Ball], time_s: f64) -> Canvas {
+    let seen = splat(view, balls);
+    let width = view.size[0];
+    let poses: Vec<_> =
+        problem.colliders.iter().map(|collider| (&collider.sdf, collider.motion.pose(time_s))).collect();
+    let pixel = |at: usize| {
+        if seen.ball[at] != u32::MAX {
+            return balls[seen.ball[at] as usize].color;
+        }
+        let [start, _] = view.ray((at % width) as f32, (at / width) as f32);
+        let x = [f64::from(start.x), f64::from(start.y), 0.0];
+        let blocked = poses.iter().any(|(sdf, pose)| sdf.distance(pose.to_start(x)) < 0.0);
+        if blocked { OBSTACLE } else { PAPER }
+    };
+    let pixels = (0..seen.ball.len()).into_par_iter().map(pixel).collect();
+    let mut canvas = Canvas { size: view.size, pixels };
+    lines::draw_box(&mut canvas, view, &view.focus, &seen.depth);
+    canvas
+}

@@ -1,0 +1,138 @@
+//! Pictures of frames, drawn on the CPU: particles as a smoothed surface of little spheres, lit from above, over their shadow.
+
+mod flat;
+mod light;
+mod lines;
+mod obstacles;
+mod splat;
+mod surface;
+mod view;
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use super::palette::{Palette, Rgb, to_srgb};
+use super::points::select;
+use crate::sim::particles::Particles;
+use crate::sim::problem::Problem;
+use splat::Ball;
+use view::View;
+
+type V3 = Vector3<f32>;
+
+/// Size of a thumbnail (pixels).
+const THUMBNAIL_SIZE: [usize; 2] = [1280, 720];
+/// Particles drawn at most in a thumbnail.
+const THUMBNAIL_PARTICLES: usize = 2_000_000;
+/// Particles drawn at most in a picture of a film.
+const FILM_PARTICLES: usize = 300_000;
+/// Samples per pixel along each axis.
+const SUPERSAMPLING: usize = 2;
+
+/// A picture of a frame as PNG, 1280 × 720.
+pub fn thumbnail(problem: &Problem, particles: &Particles, time_s: f64) -> Vec<u8> {
+    Camera::with_particles(problem, THUMBNAIL_SIZE, THUMBNAIL_PARTICLES).render(problem, particles, time_s).png()
+}
+
+/// A camera that stands still for a whole run.
+pub struct Camera {
+    view: View,
+    palette: Palette,
+    /// Particles that are drawn, and the factor by which they are larger because others are not.
+    selected: Vec<u32>,
+    growth: f64,
+}
+
+impl Camera {
+    /// A camera for a film of `size` pixels.
+    pub fn new(problem: &Problem, size: [usize; 2]) -> Self {
+        Self::with_particles(problem, size, FILM_PARTICLES)
+    }
+
+    fn with_particles(problem: &Problem, size: [usize; 2], limit: usize) -> Self {
+        let count = problem.particles.len();
+        let selected = select(count, limit, problem.seed);
+        let growth = (count as f64 / selected.len().max(1) as f64).powf(1.0 / problem.dimension as f64);
+        let size = size.map(|s| s * SUPERSAMPLING);
+        Self { view: View::of(problem, size), palette: Palette::new(problem), selected, growth }
+    }
+
+    /// Draws a frame.
+    pub fn render(&self, problem: &Problem, particles: &Particles, time_s: f64) -> Image {
+        let balls = self.balls(problem, particles);
+        let canvas = if problem.dimension == 2 {
+            flat::draw(problem, &self.view, &balls, time_s)
+        } else {
+            surface::draw(problem, &self.view, &balls, time_s)
+        };
+        canvas.reduced()
+    }
+
+    fn balls(&self, problem: &Problem, particles: &Particles) -> Vec<Ball> {
+        let radii: Vec<f32> =
+            problem.bodies.iter().map(|body| (self.growth * radius(problem, body.volume0)) as f32).collect();
+        let ball = |&p: &u32| {
+            let p = p as usize;
+            let (v, body) = (particles.v[p], particles.body[p]);
+            let color = self.palette.color(body, (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt());
+            Ball { center: V3::from(particles.x[p].map(|c| c as f32)), radius: radii[body as usize], color }
+        };
+        self.selected.par_iter().map(ball).collect()
+    }
+}
+
+/// Half the spacing of a body's particles, and a little more, so that neighbours overlap.
+fn radius(problem: &Problem, volume0: f64) -> f64 {
+    0.62 * volume0.powf(1.0 / problem.dimension as f64)
+}
+
+/// A picture in linear light.
+struct Canvas {
+    size: [usize; 2],
+    pixels: Vec<Rgb>,
+}
+
+impl Canvas {
+    /// Averages the samples of each pixel.
+    fn reduced(&self) -> Image {
+        let [width, height] = self.size.map(|s| s / SUPERSAMPLING);
+        let samples = (SUPERSAMPLING * SUPERSAMPLING) as f32;
+        let mut rgb = vec![0; 3 * width * height];
+        rgb.par_chunks_mut(3 * width).enumerate().for_each(|(row, line)| {
+            for (column, pixel) in line.chunks_mut(3).enumerate() {
+                let mut sum = [0.0; 3];
+                for k in 0..SUPERSAMPLING * SUPERSAMPLING {
+                    let (y, x) = (row * SUPERSAMPLING + k / SUPERSAMPLING, column * SUPERSAMPLING + k % SUPERSAMPLING);
+                    (0..3).for_each(|c| sum[c] += self.pixels[y * self.size[0] + x][c].clamp(0.0, 1.0));
+                }
+                (0..3).for_each(|c| pixel[c] = to_srgb(sum[c] / samples));
+            }
+        });
+        Image { size: [width, height], rgb: rgb.into() }
+    }
+}
+
+/// A finished picture.
+pub struct Image {
+    /// Width and height (pixels).
+    pub size: [usize; 2],
+    /// sRGB, rows from the top.
+    pub rgb: Arc<[u8]>,
+}
+
+impl Image {
+    /// The picture as a PNG file.
+    pub fn png(&self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, self.size[0] as u32, self.size[1] as u32);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_compression(png::Compression::Fast);
+        let mut writer = encoder.write_header().expect("a vector grows");
+        writer.write_image_data(&self.rgb).expect("the size is right");
+        writer.finish().expect("a vector grows");
+        bytes
+    }
+}

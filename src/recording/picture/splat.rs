@@ -1,0 +1,104 @@
+//! Balls into depth buffers.
+
+use rayon::prelude::*;
+
+use super::V3;
+use super::view::View;
+use crate::recording::palette::Rgb;
+
+/// A particle to be drawn.
+#[derive(Clone, Copy, Debug)]
+pub struct Ball {
+    pub center: V3,
+    /// Metres.
+    pub radius: f32,
+    pub color: Rgb,
+}
+
+/// What is seen in each pixel, by rows from the top.
+pub struct Depths {
+    /// Metres along the view; infinite where nothing is.
+    pub depth: Vec<f32>,
+    /// Index of the ball.
+    pub ball: Vec<u32>,
+}
+
+/// Rows that one task fills.
+const BAND: usize = 32;
+
+/// Draws balls with their bulge towards the camera.
+pub fn splat(view: &View, balls: &[Ball]) -> Depths {
+    let [width, height] = view.size;
+    let projected: Vec<[f32; 4]> = balls
+        .par_iter()
+        .map(|ball| {
+            let [column, row, depth] = view.project(&ball.center);
+            [column, row, depth, ball.radius * view.pixels_per_metre(depth)]
+        })
+        .collect();
+    let mut depths = Depths { depth: vec![f32::INFINITY; width * height], ball: vec![u32::MAX; width * height] };
+    let bands = depths.depth.par_chunks_mut(BAND * width).zip(depths.ball.par_chunks_mut(BAND * width)).enumerate();
+    bands.for_each(|(band, (depth, ball))| {
+        let (top, rows) = (band * BAND, depth.len() / width);
+        for (k, &[x, y, z, r]) in projected.iter().enumerate() {
+            if z <= 0.0 || y + r < top as f32 || y - r > (top + rows) as f32 {
+                continue;
+            }
+            // At least the pixel under the centre.
+            let r = r.max(0.71);
+            let clip = |low: f32, high: f32, size: usize| (low.max(0.0) as usize, (high.max(0.0) as usize).min(size));
+            let (first_row, last_row) = clip((y - r - top as f32).ceil(), (y + r - top as f32).ceil(), rows);
+            let (first, last) = clip((x - r).ceil(), (x + r).ceil(), width);
+            for row in first_row..last_row {
+                let dy = (row + top) as f32 - y;
+                for column in first..last {
+                    let dx = column as f32 - x;
+                    let bulge = 1.0 - (dx * dx + dy * dy) / (r * r);
+                    let at = row * width + column;
+                    let front = z - balls[k].radius * bulge.max(0.0).sqrt();
+                    if bulge > 0.0 && front < depth[at] {
+                        (depth[at], ball[at]) = (front, k as u32);
+                    }
+                }
+            }
+        }
+    });
+    depths
+}
+
+impl Depths {
+    /// Smooths the bumps of single balls away but keeps the outlines: a bilateral filter along rows, then along columns,
+    /// twice (Green 2010, "Screen space fluid rendering for games").
+    pub fn smooth(&mut self, view: &View, balls: &[Ball]) {
+        let [width, height] = view.size;
+        for pass in 0..4 {
+            let source = std::mem::take(&mut self.depth);
+            let ball = &self.ball;
+            let along_rows = pass % 2 == 0;
+            let filtered = |at: usize| {
+                let center = source[at];
+                if center.is_infinite() {
+                    return center;
+                }
+                let radius = balls[ball[at] as usize].radius;
+                let reach = (2.2 * radius * view.pixels_per_metre(center)).clamp(1.0, 40.0);
+                let taps = reach.ceil() as i64;
+                let (position, size, stride) =
+                    if along_rows { (at % width, width, 1) } else { (at / width, height, width as i64) };
+                let (mut sum, mut weights) = (0.0, 0.0);
+                for k in -taps.min(position as i64)..=taps.min((size - 1 - position) as i64) {
+                    let other = source[(at as i64 + k * stride) as usize];
+                    let step = (other - center) / (2.0 * radius);
+                    let near = k as f32 / reach;
+                    let weight = (-2.0 * near * near - step * step).exp();
+                    if weight > 1e-4 {
+                        sum += weight * other;
+                        weights += weight;
+                    }
+                }
+                sum / weights
+            };
+            self.depth = (0..width * height).into_par_iter().map(filtered).collect();
+        }
+    }
+}

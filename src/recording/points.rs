@@ -1,0 +1,144 @@
+//! `/particles`: a frame's particles as a `foxglove.PointCloud`.
+
+use foxglove::messages::packed_element_field::NumericType;
+use foxglove::messages::{PackedElementField, PointCloud, Pose, Quaternion, Timestamp, Vector3};
+use rayon::prelude::*;
+
+use super::palette::{Palette, to_srgb};
+use crate::material;
+use crate::sim::diagnostics::determinant;
+use crate::sim::particles::Particles;
+use crate::sim::problem::{Field, Problem};
+
+/// Which particles are recorded and how a point is laid out; the same for all frames.
+pub struct Points {
+    /// Indices of the recorded particles, ascending.
+    pub selected: Vec<u32>,
+    palette: Palette,
+    layout: Vec<PackedElementField>,
+    stride: usize,
+}
+
+impl Points {
+    pub fn new(problem: &Problem) -> Self {
+        let mut layout = Vec::new();
+        let mut stride = 0;
+        let mut add = |name: &str, kind: NumericType, size: u32| {
+            layout.push(PackedElementField { name: name.into(), offset: stride, r#type: kind.into() });
+            stride += size;
+        };
+        ["x", "y", "z"].iter().for_each(|name| add(name, NumericType::Float32, 4));
+        for field in &problem.fields {
+            names(*field).iter().for_each(|name| add(name, NumericType::Float32, 4));
+        }
+        // Viewers take these four names for the points' colours without being told.
+        ["red", "green", "blue", "alpha"].iter().for_each(|name| add(name, NumericType::Uint8, 1));
+        let selected = select(problem.particles.len(), problem.preview_points, problem.seed);
+        Self { selected, palette: Palette::new(problem), stride: stride as usize, layout }
+    }
+
+    /// The frame's point cloud.
+    pub fn message(&self, problem: &Problem, particles: &Particles, timestamp: Timestamp) -> PointCloud {
+        let mut data = vec![0u8; self.stride * self.selected.len()];
+        data.par_chunks_mut(self.stride).zip(&self.selected).for_each(|(bytes, &p)| {
+            self.write_point(problem, particles, p as usize, bytes);
+        });
+        PointCloud {
+            timestamp: Some(timestamp),
+            frame_id: super::writer::WORLD.into(),
+            pose: Some(Pose {
+                position: Some(Vector3::default()),
+                orientation: Some(Quaternion { w: 1.0, ..Default::default() }),
+            }),
+            point_stride: self.stride as u32,
+            fields: self.layout.clone(),
+            data: data.into(),
+        }
+    }
+
+    fn write_point(&self, problem: &Problem, particles: &Particles, p: usize, bytes: &mut [u8]) {
+        let (scalars, rgba) = bytes.split_at_mut(self.stride - 4);
+        let v = particles.v[p];
+        let fields = problem.fields.iter().flat_map(|field| match field {
+            Field::Velocity => v.to_vec(),
+            Field::J => vec![determinant(&particles.f[p])],
+            Field::VonMises => vec![von_mises(&cauchy(problem, particles, p))],
+            Field::Pressure => vec![pressure(&cauchy(problem, particles, p))],
+        });
+        for (slot, value) in scalars.chunks_exact_mut(4).zip(particles.x[p].into_iter().chain(fields)) {
+            slot.copy_from_slice(&(value as f32).to_le_bytes());
+        }
+        let speed = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+        let [r, g, b] = self.palette.color(particles.body[p], speed).map(to_srgb);
+        rgba.copy_from_slice(&[r, g, b, 255]);
+    }
+}
+
+/// Scalar names of a recorded field.
+fn names(field: Field) -> &'static [&'static str] {
+    match field {
+        Field::Velocity => &["vx", "vy", "vz"],
+        Field::J => &["J"],
+        Field::VonMises => &["von_mises"],
+        Field::Pressure => &["pressure"],
+    }
+}
+
+fn cauchy(problem: &Problem, particles: &Particles, p: usize) -> [f64; 9] {
+    let body = &problem.bodies[particles.body[p] as usize];
+    material::cauchy(&problem.materials[body.material], &particles.f[p])
+}
+
+fn pressure(s: &[f64; 9]) -> f64 {
+    -(s[0] + s[4] + s[8]) / 3.0
+}
+
+/// sqrt(3/2 dev σ : dev σ).
+fn von_mises(s: &[f64; 9]) -> f64 {
+    let p = pressure(s);
+    let deviator: f64 = (0..9).map(|k| (s[k] + if k % 4 == 0 { p } else { 0.0 }).powi(2)).sum();
+    (1.5 * deviator).sqrt()
+}
+
+/// At most `limit` of `count` particles, the same ones in every frame: one from each of `limit` equal runs of the sampling
+/// order, at a hashed place in its run, because a fixed stride would show the sampling lattice as stripes.
+pub fn select(count: usize, limit: usize, seed: u64) -> Vec<u32> {
+    if count <= limit {
+        return (0..count as u32).collect();
+    }
+    let start = |k: usize| (k as u128 * count as u128 / limit as u128) as usize;
+    let pick = |k: usize| start(k) + (hash(seed ^ k as u64) as usize) % (start(k + 1) - start(k));
+    (0..limit).map(|k| pick(k) as u32).collect()
+}
+
+/// The finaliser of splitmix64 (Steele et al. 2014).
+fn hash(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn decimation_is_even_and_repeatable() {
+        let chosen = select(1_000, 300, 7);
+        assert_eq!(chosen, select(1_000, 300, 7));
+        assert_ne!(chosen, select(1_000, 300, 8));
+        assert_eq!(chosen.len(), 300);
+        assert!(chosen.windows(2).all(|pair| pair[0] < pair[1] && pair[1] - pair[0] <= 7));
+        assert_eq!(select(5, 300, 7), [0, 1, 2, 3, 4]);
+    }
+
+    #[test]
+    fn stress_measures_of_simple_states() {
+        let uniaxial = [5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        assert!((von_mises(&uniaxial) - 5.0).abs() < 1e-14);
+        assert!((pressure(&uniaxial) + 5.0 / 3.0).abs() < 1e-14);
+        let shear = [0.0, 2.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        assert!((von_mises(&shear) - 2.0 * 3.0f64.sqrt()).abs() < 1e-14);
+    }
+}

@@ -1,0 +1,255 @@
+//! Writes recordings.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+use foxglove::Encode;
+use foxglove::messages::log::Level;
+use foxglove::messages::{self, CompressedImage, Log, Timestamp};
+use mcap::records::MessageHeader;
+use mcap::write::NoSeek;
+use mcap::{Attachment, McapError, WriteOptions};
+use sha2::{Digest, Sha256};
+
+use super::picture::Camera;
+use super::points::Points;
+use super::{RecordingError, colliders, diagnostics, partial_path, publish};
+use crate::engine::Backend;
+use crate::provenance;
+use crate::sim::diagnostics::Row;
+use crate::sim::particles::Particles;
+use crate::sim::problem::Problem;
+
+/// Coordinate frame of all that stands still.
+pub const WORLD: &str = "world";
+
+/// Chunks are closed at the end of each frame and, inside large ones, at this size (bytes).
+const CHUNK_BYTES: u64 = 1 << 20;
+/// zstd's output is the same for every number of threads but zero, so this may differ from machine to machine.
+const COMPRESSION_THREADS: u32 = 2;
+/// Size of the `/camera` pictures (pixels).
+const CAMERA_SIZE: [usize; 2] = [640, 360];
+
+/// What a recording says about its run, before the first frame.
+pub struct Header<'a> {
+    pub problem: &'a Problem,
+    /// The scene document, attached as it is.
+    pub scene_json: &'a str,
+    pub backend: &'a Backend,
+}
+
+/// How much a line of the log matters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Severity {
+    Info,
+    Warning,
+    Error,
+}
+
+/// Channel ids.
+struct Channels {
+    particles: u16,
+    colliders: u16,
+    tf: u16,
+    log: u16,
+    camera: u16,
+    diagnostics: u16,
+}
+
+/// A recording being written.
+pub struct Writer {
+    mcap: mcap::Writer<NoSeek<BufWriter<File>>>,
+    target: PathBuf,
+    partial: PathBuf,
+    channels: Channels,
+    points: Points,
+    camera: Camera,
+    /// Sequence number and time (ns) of the frame that was written last.
+    now: (u32, u64),
+    /// Lines of the log that go with the next frame.
+    lines: Vec<(Level, String)>,
+}
+
+impl Writer {
+    /// Starts the recording that will be `target`, in `target`'s [`partial_path`]; replaces what is there.
+    ///
+    /// # Errors
+    /// When the file cannot be created or written.
+    pub fn create(target: &Path, header: &Header) -> Result<Self, RecordingError> {
+        let partial = partial_path(target);
+        let file = File::create(&partial).map_err(RecordingError::io("create", &partial))?;
+        let points = Points::new(header.problem);
+        let camera = Camera::new(header.problem, CAMERA_SIZE);
+        let start = || -> Result<_, McapError> {
+            // Without seeking the file only ever grows, so that its prefixes can be read while it is written.
+            let options = WriteOptions::new()
+                .library(format!("gridfall {}", provenance::VERSION))
+                .chunk_size(Some(CHUNK_BYTES))
+                .disable_seeking(true)
+                .compression_threads(COMPRESSION_THREADS);
+            let mut mcap = options.create(NoSeek::new(BufWriter::new(file)))?;
+            mcap.attach(&Attachment {
+                log_time: 0,
+                create_time: 0,
+                name: "scene.json".into(),
+                media_type: "application/json".into(),
+                data: Cow::Borrowed(header.scene_json.as_bytes()),
+            })?;
+            for (name, metadata) in provenance_records(header, &points) {
+                mcap.write_metadata(&mcap::write::Metadata { name: name.into(), metadata })?;
+            }
+            let channels = add_channels(&mut mcap)?;
+            Ok((mcap, channels))
+        };
+        match start() {
+            Ok((mcap, channels)) => {
+                Ok(Self { mcap, target: target.to_owned(), partial, channels, points, camera, now: (0, 0), lines: vec![] })
+            }
+            Err(source) => Err(RecordingError::Mcap { path: partial, source }),
+        }
+    }
+
+    /// Adds a frame. When this returns, the frame has been handed to the operating system and survives this process.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn frame(&mut self, problem: &Problem, particles: &Particles, row: &Row) -> Result<(), RecordingError> {
+        let (nanos, timestamp) = stamp(row.time_s);
+        self.now = (row.frame as u32, nanos);
+        if row.frame == 0 {
+            self.message(self.channels.colliders, &colliders::scene(problem, timestamp))?;
+        }
+        for transform in colliders::transforms(problem, row.time_s, timestamp) {
+            self.message(self.channels.tf, &transform)?;
+        }
+        let points = self.points.message(problem, particles, timestamp);
+        self.message(self.channels.particles, &points)?;
+        let picture = self.camera.render(problem, particles, row.time_s);
+        let image = CompressedImage {
+            timestamp: Some(timestamp),
+            frame_id: WORLD.into(),
+            data: picture.png().into(),
+            format: "png".into(),
+        };
+        self.message(self.channels.camera, &image)?;
+        self.write_log()?;
+        // The last message of a frame: recovery takes a frame for complete when it finds this one.
+        self.bytes(self.channels.diagnostics, &diagnostics::encode(row))?;
+        self.mcap.flush().map_err(|source| self.error(source))
+    }
+
+    /// Adds a line to `/log`: it goes with the next frame, or with the end of the recording.
+    pub fn log(&mut self, severity: Severity, message: String) {
+        let level = match severity {
+            Severity::Info => Level::Info,
+            Severity::Warning => Level::Warning,
+            Severity::Error => Level::Error,
+        };
+        self.lines.push((level, message));
+    }
+
+    fn write_log(&mut self) -> Result<(), RecordingError> {
+        for (level, message) in std::mem::take(&mut self.lines) {
+            let timestamp = Some(nanoseconds(self.now.1));
+            let log = Log { timestamp, level: level.into(), message, name: "gridfall".into(), ..Default::default() };
+            self.message(self.channels.log, &log)?;
+        }
+        Ok(())
+    }
+
+    /// Completes the recording, in the way `result` says, and gives it its final name.
+    ///
+    /// # Errors
+    /// When the file cannot be written, synced or renamed.
+    pub fn finish(mut self, result: BTreeMap<String, String>) -> Result<(), RecordingError> {
+        self.write_log()?;
+        let metadata = mcap::write::Metadata { name: "result".into(), metadata: result };
+        self.mcap.write_metadata(&metadata).map_err(|source| self.error(source))?;
+        self.mcap.finish().map_err(|source| self.error(source))?;
+        publish(&self.partial, &self.target)
+    }
+
+    fn message<M: Encode>(&mut self, channel: u16, message: &M) -> Result<(), RecordingError> {
+        let mut bytes = Vec::with_capacity(message.encoded_len().unwrap_or(0));
+        message.encode(&mut bytes).expect("a vector grows");
+        self.bytes(channel, &bytes)
+    }
+
+    fn bytes(&mut self, channel_id: u16, data: &[u8]) -> Result<(), RecordingError> {
+        let (sequence, time) = self.now;
+        let header = MessageHeader { channel_id, sequence, log_time: time, publish_time: time };
+        self.mcap.write_to_known_channel(&header, data).map_err(|source| self.error(source))
+    }
+
+    fn error(&self, source: McapError) -> RecordingError {
+        RecordingError::Mcap { path: self.partial.clone(), source }
+    }
+}
+
+fn add_channels(mcap: &mut mcap::Writer<NoSeek<BufWriter<File>>>) -> Result<Channels, McapError> {
+    let mut add = |topic: &str, name: &str, schema: &[u8]| {
+        let schema = mcap.add_schema(name, "protobuf", schema)?;
+        mcap.add_channel(schema, topic, "protobuf", &BTreeMap::new())
+    };
+    fn schema<M: Encode>() -> foxglove::Schema {
+        M::get_schema().expect("Foxglove's messages have schemas")
+    }
+    let mut add_foxglove = |topic: &str, schema: foxglove::Schema| add(topic, &schema.name, &schema.data);
+    Ok(Channels {
+        particles: add_foxglove("/particles", schema::<messages::PointCloud>())?,
+        colliders: add_foxglove("/colliders", schema::<messages::SceneUpdate>())?,
+        tf: add_foxglove("/tf", schema::<messages::FrameTransform>())?,
+        log: add_foxglove("/log", schema::<Log>())?,
+        camera: add_foxglove("/camera", schema::<CompressedImage>())?,
+        // The largest id, so that its index is the last one behind a chunk; see `recovery`.
+        diagnostics: add("/diagnostics", diagnostics::SCHEMA_NAME, &diagnostics::schema())?,
+    })
+}
+
+/// The metadata records `build`, `run` and `hardware`.
+fn provenance_records(header: &Header, points: &Points) -> [(&'static str, BTreeMap<String, String>); 3] {
+    let Header { problem, scene_json, backend } = header;
+    let record = |pairs: &[(&str, String)]| pairs.iter().map(|(key, value)| (key.to_string(), value.clone())).collect();
+    let hash: String = Sha256::digest(scene_json.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
+    let build = record(&[
+        ("version", provenance::VERSION.into()),
+        ("commit", provenance::COMMIT.into()),
+        ("target", provenance::TARGET.into()),
+    ]);
+    let run = record(&[
+        ("name", problem.name.clone()),
+        ("dimension", problem.dimension.to_string()),
+        ("kernel", format!("{:?}", problem.kernel).to_lowercase()),
+        ("transfer", format!("{:?}", problem.transfer).to_lowercase()),
+        ("dx_m", problem.dx.to_string()),
+        ("frames", (u64::from(problem.frames) + 1).to_string()),
+        ("frame_s", problem.frame_s.to_string()),
+        ("particles", problem.particles.len().to_string()),
+        ("points", points.selected.len().to_string()),
+        ("decimation", (points.selected.len() as f64 / problem.particles.len().max(1) as f64).to_string()),
+    ]);
+    let hardware = record(&[
+        ("backend", backend.kind.clone()),
+        ("adapter", backend.device.clone()),
+        ("driver", backend.driver.clone()),
+        ("software", backend.software.to_string()),
+        ("reason", backend.reason.clone()),
+        ("precision", format!("{:?}", problem.precision).to_lowercase()),
+        ("seed", problem.seed.to_string()),
+        ("scene_sha256", hash),
+    ]);
+    [("build", build), ("run", run), ("hardware", hardware)]
+}
+
+/// Simulated time as nanoseconds and as a message's timestamp.
+fn stamp(time_s: f64) -> (u64, Timestamp) {
+    let nanos = (time_s * 1e9).round() as u64;
+    (nanos, nanoseconds(nanos))
+}
+
+fn nanoseconds(nanos: u64) -> Timestamp {
+    Timestamp::new((nanos / 1_000_000_000) as u32, (nanos % 1_000_000_000) as u32)
+}

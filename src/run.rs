@@ -1,0 +1,191 @@
+//! Runs a problem on an engine from the first frame to the last, and keeps what it produces.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Write;
+use std::path::PathBuf;
+
+use crate::engine::{Control, Engine, EngineError, FrameStats};
+use crate::recording::{self, Header, RecordingError, Severity, Writer};
+use crate::scene::schema::Scene;
+use crate::sim::diagnostics::Row;
+use crate::sim::particles::Particles;
+use crate::sim::problem::Problem;
+
+/// Where a run's results go.
+#[derive(Clone, Debug)]
+pub struct Outputs {
+    /// The recording (MCAP).
+    pub recording: PathBuf,
+    /// A picture of the last frame (PNG).
+    pub thumbnail: Option<PathBuf>,
+    /// The diagnostics (CSV), a line as soon as a frame is done.
+    pub diagnostics: Option<PathBuf>,
+}
+
+/// A frame that was just written.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameReport<'a> {
+    /// Number of this frame and of the last one; frame 0 is the initial state.
+    pub frame: u64,
+    pub frames: u64,
+    /// Simulated time now and at the end (s).
+    pub time_s: f64,
+    pub end_s: f64,
+    /// Sub-steps done so far in the whole run.
+    pub steps: u64,
+    pub row: &'a Row,
+}
+
+/// Follows a run, and may stop it through [`Control::canceled`].
+pub trait Observer: Control {
+    /// Called after each frame, frame 0 included, once it is in the recording.
+    fn frame(&self, _report: &FrameReport) {}
+}
+
+/// What a run did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// Frames in the recording, frame 0 included.
+    pub frames_written: u64,
+    pub steps: u64,
+    /// Simulated time reached (s).
+    pub time_s: f64,
+}
+
+/// Why a run ended early.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    #[error(transparent)]
+    Output(#[from] RecordingError),
+}
+
+impl RunError {
+    /// Stable code for APIs.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Engine(error) => error.code(),
+            Self::Output(_) => "output",
+        }
+    }
+}
+
+/// Simulates all frames of `problem`, which `engine` has loaded, and records each.
+///
+/// The recording is valid whatever happens: a run that fails or is canceled keeps the frames it has, and its recording and
+/// picture get their final names as those of a complete run do.
+///
+/// # Errors
+/// The engine's error (cancellation among them), or that of a file that cannot be written.
+pub fn run(
+    scene: &Scene,
+    problem: &Problem,
+    engine: &mut dyn Engine,
+    out: &Outputs,
+    observer: &dyn Observer,
+) -> Result<Summary, RunError> {
+    let scene_json = serde_json::to_string_pretty(scene).expect("scenes are plain data");
+    let mut keeper = Keeper::create(problem, engine, out, &scene_json)?;
+    let outcome = keeper.simulate(engine, observer);
+    let kept = keeper.finish(out, outcome.as_ref().err());
+    outcome.and(kept)
+}
+
+/// The files of a run.
+struct Keeper<'a> {
+    problem: &'a Problem,
+    writer: Writer,
+    csv: Option<(File, PathBuf)>,
+    summary: Summary,
+    last: Option<Particles>,
+}
+
+impl<'a> Keeper<'a> {
+    fn create(problem: &'a Problem, engine: &dyn Engine, out: &Outputs, scene_json: &str) -> Result<Self, RunError> {
+        let backend = engine.backend();
+        let mut writer = Writer::create(&out.recording, &Header { problem, scene_json, backend })?;
+        let (name, particles) = (&problem.name, problem.particles.len());
+        let device = &backend.device;
+        writer.log(Severity::Info, format!("{name}: {particles} particles on {device} ({})", backend.reason));
+        let csv = match &out.diagnostics {
+            None => None,
+            Some(path) => {
+                let mut file = File::create(path).map_err(RecordingError::io("create", path))?;
+                writeln!(file, "{}", Row::csv_header()).map_err(RecordingError::io("write", path))?;
+                Some((file, path.clone()))
+            }
+        };
+        Ok(Self { problem, writer, csv, summary: Summary::default(), last: None })
+    }
+
+    fn simulate(&mut self, engine: &mut dyn Engine, observer: &dyn Observer) -> Result<Summary, RunError> {
+        self.keep(0, engine.snapshot()?, &FrameStats::default(), observer)?;
+        for frame in 1..=u64::from(self.problem.frames) {
+            if observer.canceled() {
+                return Err(EngineError::Canceled.into());
+            }
+            let stats = engine.advance_frame(self.problem.frame_s, observer)?;
+            self.keep(frame, engine.snapshot()?, &stats, observer)?;
+        }
+        Ok(self.summary)
+    }
+
+    /// Measures and records a frame.
+    fn keep(
+        &mut self,
+        frame: u64,
+        particles: Particles,
+        stats: &FrameStats,
+        observer: &dyn Observer,
+    ) -> Result<(), RunError> {
+        let problem = self.problem;
+        let time_s = frame as f64 * problem.frame_s;
+        let row = Row::measure(problem, &particles, frame, time_s, stats);
+        if stats.isolated_reset > 0 {
+            let message = format!("{} particles were alone on their nodes and were reset", stats.isolated_reset);
+            self.writer.log(Severity::Warning, message);
+        }
+        self.writer.frame(problem, &particles, &row)?;
+        if let Some((file, path)) = &mut self.csv {
+            writeln!(file, "{}", row.csv()).map_err(RecordingError::io("write", path))?;
+        }
+        self.last = Some(particles);
+        self.summary = Summary { frames_written: frame + 1, steps: self.summary.steps + stats.steps, time_s };
+        observer.frame(&FrameReport {
+            frame,
+            frames: problem.frames.into(),
+            time_s,
+            end_s: f64::from(problem.frames) * problem.frame_s,
+            steps: self.summary.steps,
+            row: &row,
+        });
+        Ok(())
+    }
+
+    /// Completes all files, whether the run was complete or not.
+    fn finish(mut self, out: &Outputs, failure: Option<&RunError>) -> Result<Summary, RunError> {
+        let Summary { frames_written, steps, time_s } = self.summary;
+        let (status, severity, message) = match failure {
+            None => ("complete", Severity::Info, format!("complete: {frames_written} frames, {steps} steps")),
+            Some(RunError::Engine(EngineError::Canceled)) => ("canceled", Severity::Warning, "canceled".into()),
+            Some(error) => ("failed", Severity::Error, error.to_string()),
+        };
+        self.writer.log(severity, message.clone());
+        let entries = [
+            ("status", status.to_owned()),
+            ("message", message),
+            ("frames", frames_written.to_string()),
+            ("steps", steps.to_string()),
+            ("time_s", time_s.to_string()),
+            ("dt_s", if steps > 0 { time_s / steps as f64 } else { 0.0 }.to_string()),
+        ];
+        let result = BTreeMap::from(entries.map(|(key, value)| (key.to_owned(), value)));
+        self.writer.finish(result)?;
+        if let (Some(path), Some(particles)) = (&out.thumbnail, &self.last) {
+            recording::write_file(path, &recording::thumbnail(self.problem, particles, time_s))?;
+        }
+        Ok(self.summary)
+    }
+}
