@@ -1,6 +1,10 @@
 //! Which engine runs a problem, and why.
 
+use std::sync::Arc;
+
+use crate::cpu::CpuEngine;
 use crate::engine::{Engine, EngineError};
+use crate::gpu::{Gpu, GpuEngine, supports};
 use crate::sim::problem::Problem;
 
 /// What the user asked for.
@@ -14,16 +18,49 @@ pub enum Choice {
 }
 
 /// The devices of this process, opened once and shared by all its runs.
-pub struct Devices {}
+pub struct Devices {
+    choice: Choice,
+    gpu: Option<Arc<Gpu>>,
+    /// Why the GPU was or was not opened.
+    reason: String,
+}
 
 impl Devices {
     /// Opens what `choice` needs. `adapter` is part of an adapter's name; naming one is the only way to a software Vulkan driver.
-    pub fn open(_choice: Choice, _adapter: Option<&str>) -> Result<Self, EngineError> {
-        Ok(Self {})
+    ///
+    /// Errors: [`EngineError::NoDevice`] when a GPU was asked for, by choice or by name, and there is none.
+    pub fn open(choice: Choice, adapter: Option<&str>) -> Result<Self, EngineError> {
+        if choice == Choice::Cpu {
+            return Ok(Self { choice, gpu: None, reason: "the CPU was asked for".into() });
+        }
+        match (Gpu::open(adapter), adapter) {
+            (Ok(gpu), Some(name)) => {
+                Ok(Self { choice, gpu: Some(Arc::new(gpu)), reason: format!("adapter \"{name}\" was asked for") })
+            }
+            (Ok(gpu), None) => {
+                Ok(Self { choice, gpu: Some(Arc::new(gpu)), reason: "the first GPU of this machine".into() })
+            }
+            (Err(e), None) if choice == Choice::Auto => Ok(Self { choice, gpu: None, reason: e.to_string() }),
+            (Err(e), _) => Err(e),
+        }
     }
 
     /// Loads a problem on the device that suits it.
-    pub fn engine(&self, _problem: &Problem) -> Result<Box<dyn Engine>, EngineError> {
-        Err(EngineError::NoDevice("not wired yet".into()))
+    ///
+    /// Errors: the scene is not for the GPU though the GPU was asked for, or does not fit.
+    pub fn engine(&self, problem: &Problem) -> Result<Box<dyn Engine>, EngineError> {
+        let Some(gpu) = &self.gpu else {
+            return Ok(Box::new(CpuEngine::new(problem)?.because(&self.reason)));
+        };
+        match supports(problem) {
+            Ok(()) => Ok(Box::new(GpuEngine::new(gpu.clone(), problem, &self.reason)?)),
+            Err(why) if self.choice == Choice::Auto => Ok(Box::new(CpuEngine::new(problem)?.because(&why))),
+            Err(why) => Err(EngineError::Unsupported(format!("{why}; use --backend cpu or auto"))),
+        }
+    }
+
+    /// The GPU that was opened, if one was.
+    pub fn gpu(&self) -> Option<&Arc<Gpu>> {
+        self.gpu.as_ref()
     }
 }

@@ -75,6 +75,30 @@ fn periodic_axes_carry_bodies_around() {
 }
 
 #[test]
+fn capacity_grows_without_losing_a_step() {
+    let problem = common::problem(
+        r#"{ "gridfall": 1, "name": "burst",
+        "domain": { "min": [0, 0, 0], "max": [3, 3, 3], "dx": 0.0625 },
+        "materials": { "gas": { "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1, "gamma": 1 } },
+        "bodies": [ { "name": "a", "material": "gas", "shape": { "box": { "min": [1.375, 1.375, 1.375], "max": [1.625, 1.625, 1.625] } },
+            "velocity_gradient": [[20, 0, 0], [0, 20, 0], [0, 0, 20]] } ],
+        "time": { "end": 0.3, "frame_rate": 10 } }"#,
+    );
+    let mut engine = common::gpu_engine(&problem);
+    let before = engine.device_bytes();
+    let mut cpu = gridfall::cpu::CpuEngine::new(&problem).unwrap();
+    for _ in 0..3 {
+        engine.advance_frame(problem.frame_s, &NoControl).unwrap();
+        cpu.advance_frame(problem.frame_s, &NoControl).unwrap();
+    }
+    assert!(engine.device_bytes() > before, "the burst was meant to need more blocks");
+    let (gpu, cpu) = (engine.snapshot().unwrap(), cpu.snapshot().unwrap());
+    let worst = gpu.x.iter().zip(&cpu.x).flat_map(|(a, b)| (0..3).map(|k| (a[k] - b[k]).abs())).fold(0.0, f64::max);
+    println!("{before} → {} bytes, worst difference {worst:.1e} m", engine.device_bytes());
+    assert!(worst < 1e-2 * problem.dx);
+}
+
+#[test]
 fn momentum_is_kept_over_a_thousand_steps() {
     let mut problem = block("compact", "", r#""angular_velocity": [0, 0, 3], "velocity": [0.1, 0, 0]"#);
     problem.gravity = [0.0; 3];

@@ -37,6 +37,12 @@ impl CpuEngine {
         Ok(Self { backend, problem: without, stages: stages(problem), step: 0, time_s: 0.0 })
     }
 
+    /// The same engine, described as chosen for `reason`.
+    pub fn because(mut self, reason: &str) -> Self {
+        self.backend.reason = reason.into();
+        self
+    }
+
     /// The step just done must be one that can be gone on from.
     fn check(&self, moved: &Moved) -> Result<(), EngineError> {
         let (step, time_s) = (self.step, self.time_s);

@@ -105,9 +105,16 @@ impl Writer {
             Ok((mcap, channels))
         };
         match start() {
-            Ok((mcap, channels)) => {
-                Ok(Self { mcap, target: target.to_owned(), partial, channels, points, camera, now: (0, 0), lines: vec![] })
-            }
+            Ok((mcap, channels)) => Ok(Self {
+                mcap,
+                target: target.to_owned(),
+                partial,
+                channels,
+                points,
+                camera,
+                now: (0, 0),
+                lines: vec![],
+            }),
             Err(source) => Err(RecordingError::Mcap { path: partial, source }),
         }
     }

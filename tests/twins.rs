@@ -1,0 +1,198 @@
+//! The GPU's stages do what the CPU's stages of the same names do, on random states; a planted error is caught.
+//!
+//! Reference: the CPU engine in f64. Differences are in units of a full node's mass and of the scene's speed scale: momentum is
+//! compared by momentum and node velocity weighted by mass, because a node that is nearly empty has no meaningful velocity.
+
+mod common;
+
+use std::collections::BTreeMap;
+
+use gridfall::cpu::{Stages, stages};
+use gridfall::gpu::{GridNode, Staged};
+use gridfall::sim::particles::Particles;
+use gridfall::sim::problem::{Kernel, Material, Precision, Problem, Transfer};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+const DT_S: f64 = 4e-4;
+
+/// All materials, wall kinds and contacts; a turned, moving, composite collider; a periodic axis.
+fn scene(kernel: &str, transfer: &str) -> Problem {
+    common::problem(&format!(
+        r#"{{ "gridfall": 1, "name": "twins",
+        "domain": {{ "min": [-0.3, 0.1, 0.2], "max": [0.7, 1.1, 1.2], "dx": 0.0625,
+                     "boundary": {{ "x-": {{"contact":"slip"}}, "x+": {{"contact":"separate","friction":0.3}}, "y": "periodic",
+                                    "z-": {{"contact":"separate","friction":0.4}}, "z+": {{"contact":"sticky"}} }} }},
+        "gravity": [0.5, -1, -9.81],
+        "materials": {{
+            "jelly": {{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 }},
+            "gum": {{ "model": "neo-hookean", "density": 1500, "youngs_modulus": 2e4, "poissons_ratio": 0.4 }},
+            "water": {{ "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1e4, "viscosity": 2 }} }},
+        "bodies": [
+            {{ "name": "a", "material": "jelly", "sampling": "jittered", "shape": {{ "box": {{ "min": [-0.3, 0.1, 0.2], "max": [0.1, 0.6, 0.6] }} }} }},
+            {{ "name": "b", "material": "gum", "sampling": "jittered", "shape": {{ "sphere": {{ "center": [0.4, 0.8, 0.9], "radius": 0.25 }} }} }},
+            {{ "name": "c", "material": "water", "sampling": "jittered", "shape": {{ "box": {{ "min": [0.2, 0.3, 0.2], "max": [0.7, 1.1, 0.5] }} }} }} ],
+        "colliders": [
+            {{ "name": "bar", "contact": "separate", "friction": 0.2,
+               "shape": {{ "rotate": {{ "axis": [1, 1, 0], "angle_degrees": 35, "shape": {{ "difference": [
+                    {{ "cylinder": {{ "center": [0.2, 0.5, 0.3], "radius": 0.2, "height": 0.5 }} }},
+                    {{ "box": {{ "min": [0.1, 0.3, 0.2], "max": [0.3, 0.5, 0.4] }} }} ] }} }} }},
+               "motion": {{ "linear_velocity": [0.3, 0.1, 0], "angular_velocity": [0, 1, 2] }} }},
+            {{ "name": "ring", "contact": "slip", "shape": {{ "torus": {{ "center": [0.4, 0.8, 0.9], "major_radius": 0.2, "minor_radius": 0.07 }} }} }} ],
+        "time": {{ "end": 0.1 }},
+        "solver": {{ "kernel": "{kernel}", "transfer": "{transfer}" }} }}"#
+    ))
+}
+
+fn random_scene(kernel: &str, transfer: &str, seed: u64) -> Problem {
+    println!("{kernel} {transfer} seed {seed}");
+    let mut problem = scene(kernel, transfer);
+    common::randomise(&mut problem, &mut ChaCha8Rng::seed_from_u64(seed));
+    problem
+}
+
+fn f64_stages(problem: &Problem) -> Box<dyn Stages> {
+    let mut cpu = stages(&Problem { precision: Precision::F64, ..problem.clone() });
+    cpu.start_frame();
+    cpu
+}
+
+/// Mass, momentum, velocity by (grid sign, node).
+type Nodes = BTreeMap<(i32, [i32; 3]), (f64, [f64; 3], [f64; 3])>;
+
+fn cpu_nodes(cpu: &dyn Stages, problem: &Problem) -> Nodes {
+    let sign = if problem.kernel == Kernel::Compact { [1, -1] } else { [0, 0] };
+    let mut nodes = Nodes::new();
+    for n in cpu.nodes() {
+        let mut index = n.index;
+        index[1] = index[1].rem_euclid(16); // the periodic axis
+        let old = nodes.insert((sign[n.grid], index), (n.mass, n.momentum, n.velocity));
+        assert!(old.is_none(), "node {index:?} twice");
+    }
+    nodes
+}
+
+/// Largest difference of mass (full nodes) and of momentum or mass-weighted velocity (full nodes × m/s).
+fn compare(gpu: &[GridNode], cpu: &Nodes, problem: &Problem, velocities: bool) -> (f64, f64) {
+    let full = 1500.0 * problem.dx.powi(3);
+    let mut seen: Nodes = cpu.clone();
+    let (mut mass, mut value) = (0.0f64, 0.0f64);
+    for n in gpu {
+        let (m, p, v) = seen.remove(&(n.grid, n.node)).unwrap_or_default();
+        mass = mass.max((n.mass - m).abs() / full);
+        for a in 0..3 {
+            let difference = if velocities { (n.value[a] - v[a]) * n.mass.min(m) } else { n.value[a] - p[a] };
+            value = value.max(difference.abs() / full);
+        }
+    }
+    for (m, p, _) in seen.values() {
+        mass = mass.max(m / full);
+        value = value.max(p.iter().fold(0.0f64, |a, b| a.max(b.abs())) / full);
+    }
+    (mass, value)
+}
+
+/// Largest differences of x (dx), v (m/s), B (dx m/s) and F.
+fn compare_particles(a: &Particles, b: &Particles, dx: f64) -> [f64; 4] {
+    let mut d = [0.0f64; 4];
+    for id in 0..a.len() {
+        for k in 0..3 {
+            d[0] = d[0].max((a.x[id][k] - b.x[id][k]).abs() / dx);
+            d[1] = d[1].max((a.v[id][k] - b.v[id][k]).abs());
+        }
+        for k in 0..9 {
+            d[2] = d[2].max((a.b[id][k] - b.b[id][k]).abs() / dx);
+            d[3] = d[3].max((a.f[id][k] - b.f[id][k]).abs());
+        }
+    }
+    d
+}
+
+/// Differences after each stage of one step: mass and momentum, mass and velocity, then x, v, B, F.
+fn step(gpu_problem: &Problem, cpu_problem: &Problem) -> [f64; 8] {
+    let mut cpu = f64_stages(cpu_problem);
+    let mut engine = common::gpu_engine(gpu_problem);
+    let (mut gpu, nodes) = Staged::p2g(&mut engine, DT_S).unwrap();
+    cpu.p2g(DT_S);
+    let (mass, momentum) = compare(&nodes, &cpu_nodes(cpu.as_ref(), cpu_problem), cpu_problem, false);
+    let nodes = gpu.grid_update().unwrap();
+    cpu.grid_update(DT_S, 0.0);
+    let (mass_again, velocity) = compare(&nodes, &cpu_nodes(cpu.as_ref(), cpu_problem), cpu_problem, true);
+    let after = gpu.g2p().unwrap();
+    cpu.g2p(DT_S);
+    let [x, v, b, f] = compare_particles(&after, &cpu.particles(), cpu_problem.dx);
+    [mass, momentum, mass_again, velocity, x, v, b, f]
+}
+
+/// What f32 states and fixed-point sums with a quantum of 1.5e-8 full nodes can differ by in a step, with the speeds above.
+const TOLERANCE: [f64; 8] = [1e-6, 1e-5, 1e-6, 1e-5, 1e-6, 1e-5, 1e-5, 1e-5];
+
+fn agrees(differences: [f64; 8]) -> bool {
+    differences.iter().zip(TOLERANCE).all(|(d, t)| *d <= t)
+}
+
+#[test]
+fn stages_agree_on_random_states() {
+    for (seed, (kernel, transfer)) in
+        [("compact", "mls"), ("compact", "apic"), ("quadratic", "mls"), ("quadratic", "apic")].iter().enumerate()
+    {
+        let problem = random_scene(kernel, transfer, 11 + seed as u64);
+        let differences = step(&problem, &problem);
+        println!(
+            "mass {:.1e} momentum {:.1e} | mass {:.1e} velocity {:.1e} | x {:.1e} v {:.1e} B {:.1e} F {:.1e}",
+            differences[0],
+            differences[1],
+            differences[2],
+            differences[3],
+            differences[4],
+            differences[5],
+            differences[6],
+            differences[7]
+        );
+        assert!(agrees(differences), "{kernel} {transfer}: {differences:?}");
+    }
+}
+
+#[test]
+fn planted_errors_are_caught() {
+    let problem = random_scene("compact", "mls", 21);
+    assert!(agrees(step(&problem, &problem)));
+    let planted: [(&str, &dyn Fn(&mut Problem)); 6] = [
+        ("stiffness off by a thousandth", &|p| {
+            let Material::FixedCorotated(e) = &mut p.materials[p.bodies[0].material] else { panic!() };
+            e.youngs_modulus *= 1.001;
+        }),
+        ("one particle's F", &|p| p.particles.f[100][1] += 1e-3),
+        ("one particle's B", &|p| p.particles.b[200][5] += 1e-3 * p.dx),
+        ("friction of a collider", &|p| p.colliders[0].contact.friction = 0.21),
+        ("collider 0.01 dx away", &|p| p.colliders[0].motion.linear_velocity[0] += 0.01),
+        ("force through gradients instead of D⁻¹", &|p| p.transfer = Transfer::Apic),
+    ];
+    for (name, plant) in planted {
+        let mut wrong = problem.clone();
+        plant(&mut wrong);
+        let differences = step(&wrong, &problem);
+        println!("{name}: {differences:?}");
+        assert!(!agrees(differences), "not caught: {name}");
+    }
+}
+
+/// Fused steps are the separate ones: many steps in one frame against the CPU's engine stages.
+#[test]
+fn fused_steps_follow_the_reference() {
+    use gridfall::engine::{Engine, NoControl};
+    for (kernel, transfer) in [("compact", "mls"), ("quadratic", "apic")] {
+        let problem = Problem { max_dt_s: Some(DT_S), cfl: 1.0, ..scene(kernel, transfer) };
+        let mut gpu = common::gpu_engine(&problem);
+        let stats = gpu.advance_frame(40.0 * DT_S, &NoControl).unwrap();
+        let mut cpu = gridfall::cpu::CpuEngine::new(&Problem { precision: Precision::F64, ..problem.clone() }).unwrap();
+        let reference = cpu.advance_frame(40.0 * DT_S, &NoControl).unwrap();
+        assert_eq!(stats.steps, reference.steps);
+        let d = compare_particles(&gpu.snapshot().unwrap(), &cpu.snapshot().unwrap(), problem.dx);
+        println!(
+            "{kernel} {transfer}: {} steps, x {:.1e} dx, v {:.1e} m/s, B {:.1e}, F {:.1e}",
+            stats.steps, d[0], d[1], d[2], d[3]
+        );
+        assert!(d[0] < 1e-4 && d[1] < 1e-3 && d[3] < 1e-3, "{d:?}");
+    }
+}
