@@ -24,12 +24,17 @@ impl fmt::Display for Fault {
     }
 }
 
+/// Faults beyond this many are not collected.
+const MAX_FAULTS: usize = 200;
+
 /// Faults found so far.
 ///
 /// What depends on a value that is at fault itself is not judged: see [`Faults::clean`].
 #[derive(Debug, Default)]
 pub struct Faults {
     found: Vec<Fault>,
+    /// Values that have no meaning because of a fault found below them.
+    spoiled: Vec<String>,
 }
 
 impl Faults {
@@ -42,15 +47,21 @@ impl Faults {
 
     /// Adds a fault that leaves the rest of the value as meaningful as before.
     pub fn note(&mut self, fault: Fault) {
-        self.found.push(fault);
+        if self.found.len() < MAX_FAULTS {
+            self.found.push(fault);
+        }
+    }
+
+    /// Declares the whole value meaningless because of a fault that is known already.
+    pub fn spoil(&mut self, pointer: &str) {
+        self.spoiled.push(pointer.to_owned());
     }
 
     /// True when nothing at `pointer`, below it or above it is at fault; unknown fields aside, which change no meaning.
     pub fn clean(&self, pointer: &str) -> bool {
-        !self
-            .found
-            .iter()
-            .any(|f| f.code != "unknown_field" && (within(&f.pointer, pointer) || within(pointer, &f.pointer)))
+        let meets = |other: &str| within(other, pointer) || within(pointer, other);
+        let found = self.found.iter().filter(|f| f.code != "unknown_field").map(|f| f.pointer.as_str());
+        !found.chain(self.spoiled.iter().map(String::as_str)).any(meets)
     }
 
     pub fn is_empty(&self) -> bool {

@@ -1,15 +1,29 @@
 //! Scenes: the versioned JSON that users write, its faults, and its way to a [`crate::sim::problem::Problem`].
+//!
+//! A document passes through `document` (syntax), `structure` (types and fields), `validate` (meaning) and `build` (sampling).
 
 mod build;
+mod document;
+pub mod estimate;
 mod fault;
+pub mod overrides;
 mod sampling;
 pub mod schema;
 mod solid;
+mod structure;
+mod suggest;
+mod validate;
+mod validate_shape;
 
 pub use fault::Fault;
 pub use schema::Scene;
+pub use structure::schema as json_schema;
+
+use serde_json::Value;
 
 use crate::sim::problem::Problem;
+use crate::sim::timestep::{initial_affine_rate_1_s, initial_speed_m_s, plan_frame};
+use fault::Faults;
 
 /// What a scene may ask for at most.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,22 +31,88 @@ pub struct Limits {
     pub max_particles: u64,
     /// Host memory of one run (bytes).
     pub max_memory_bytes: u64,
+    /// Steps of the whole run.
+    pub max_steps: u64,
 }
 
 impl Default for Limits {
+    /// As many particles and as much memory as this machine can hold, and steps for some weeks of its time.
     fn default() -> Self {
-        Self { max_particles: 200_000_000, max_memory_bytes: 64 << 30 }
+        Self { max_particles: 1 << 30, max_memory_bytes: host_memory_bytes() / 10 * 9, max_steps: 1_000_000_000 }
     }
 }
 
-/// Reads a scene: syntax and structure.
-pub fn parse(json: &str) -> Result<Scene, Vec<Fault>> {
-    serde_json::from_str(json).map_err(|e| {
-        vec![Fault { pointer: String::new(), code: "syntax", reason: e.to_string(), remedy: "correct the JSON".into() }]
-    })
+/// Memory of this machine (bytes); 8 GiB where it cannot be told.
+fn host_memory_bytes() -> u64 {
+    let total = |text: String| -> Option<u64> {
+        let line = text.lines().find(|line| line.starts_with("MemTotal:"))?;
+        line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib << 10)
+    };
+    std::fs::read_to_string("/proc/meminfo").ok().and_then(total).unwrap_or(8 << 30)
 }
 
-/// Judges what a scene means and makes it ready to run.
-pub fn problem(scene: &Scene, _limits: &Limits) -> Result<Problem, Vec<Fault>> {
-    Ok(build::build(scene))
+/// Reads a scene: syntax and structure. When the structure is at fault, the meaning of the rest is judged as well (under the
+/// default limits), so that the faults are all there.
+pub fn parse(json: &str) -> Result<Scene, Vec<Fault>> {
+    from_value(&document::read(json)?)
+}
+
+/// [`parse`] with `path=value` overrides (see [`overrides::apply`]) applied first.
+pub fn parse_with(json: &str, sets: &[String]) -> Result<Scene, Vec<Fault>> {
+    let mut document = document::read(json)?;
+    let refused: Vec<Fault> = sets.iter().filter_map(|set| overrides::apply(&mut document, set).err()).collect();
+    if refused.is_empty() { from_value(&document) } else { Err(refused) }
+}
+
+/// [`parse`] for a document that is a JSON value already.
+pub fn from_value(document: &Value) -> Result<Scene, Vec<Fault>> {
+    let mut faults = Faults::default();
+    let repaired = structure::check(document, &mut faults);
+    let scene: Scene = match serde_json::from_value(repaired) {
+        Ok(scene) => scene,
+        Err(e) => {
+            faults.add(
+                "",
+                "structure",
+                e.to_string(),
+                "compare the document with the JSON Schema (`gridfall schema scene`)",
+            );
+            return Err(faults.into_vec());
+        }
+    };
+    if faults.is_empty() {
+        return Ok(scene);
+    }
+    validate::check(&scene, &Limits::default(), &mut faults);
+    Err(faults.into_vec())
+}
+
+/// Judges what a scene means and makes it ready to run. Nothing is allocated before particles and memory are known to be in the
+/// limits.
+pub fn problem(scene: &Scene, limits: &Limits) -> Result<Problem, Vec<Fault>> {
+    let mut faults = Faults::default();
+    validate::check(scene, limits, &mut faults);
+    if !faults.is_empty() {
+        return Err(faults.into_vec());
+    }
+    let problem = build::build(scene);
+    for (n, body) in problem.bodies.iter().enumerate() {
+        if body.particles.is_empty() {
+            let at = format!("/bodies/{n}/shape");
+            faults.add(
+                &at,
+                "no_particles",
+                "no jittered particle fell into the shape",
+                "make the shape larger or lower dx",
+            );
+        }
+    }
+    let plan = plan_frame(&problem, initial_speed_m_s(&problem), initial_affine_rate_1_s(&problem), problem.frame_s);
+    let steps = plan.steps.saturating_mul(u64::from(problem.frames));
+    if steps > limits.max_steps {
+        let reason = format!("the run takes {steps} steps of {:.2e} s; the limit is {}", plan.dt_s, limits.max_steps);
+        let remedy = format!("end earlier, or lengthen the step, which is set by {}", plan.bound.explain(&problem));
+        faults.add("/time/end", "too_many_steps", reason, remedy);
+    }
+    if faults.is_empty() { Ok(problem) } else { Err(faults.into_vec()) }
 }

@@ -5,6 +5,8 @@
 //! grows with the surface of the solid.
 
 use std::ops::Range;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -22,6 +24,9 @@ const FAR: f64 = (1u64 << 38) as f64;
 /// Blocks of the lattice are split down to this many points.
 const LEAF_POINTS: u64 = 512;
 
+/// Points near the surface that are tested for each point that may be inside, before a count is given up.
+const TESTS_PER_POINT: u64 = 16;
+
 /// The lattice of a body.
 #[derive(Clone, Debug)]
 pub struct Lattice {
@@ -34,6 +39,20 @@ pub struct Lattice {
 
 /// Half-open block of lattice indices.
 type Block = [Range<i64>; 3];
+
+/// A count that is given up when it gets too large. Whether that happens does not depend on the order of the work.
+struct Count {
+    inside: AtomicU64,
+    tested: AtomicU64,
+    most: u64,
+}
+
+impl Count {
+    fn is_over(&self) -> bool {
+        let tests = TESTS_PER_POINT.saturating_mul(self.most.max(1 << 20));
+        self.inside.load(Relaxed) > self.most || self.tested.load(Relaxed) > tests
+    }
+}
 
 #[derive(Clone, Copy, PartialEq)]
 enum Side {
@@ -98,21 +117,30 @@ impl Lattice {
         sdf.distance(x) < -TIE * self.spacing
     }
 
-    /// Number of lattice points inside the solid, which is also the expected number of jittered points.
-    pub fn count(&self, sdf: &Sdf) -> u64 {
-        self.count_in(sdf, &self.range)
+    /// Number of lattice points inside the solid, which is also the expected number of jittered points; none when there are more than
+    /// `most`, or so much surface that they cannot be told with work in proportion to `most`.
+    pub fn count(&self, sdf: &Sdf, most: u64) -> Option<u64> {
+        let count = Count { inside: AtomicU64::new(0), tested: AtomicU64::new(0), most };
+        self.count_in(sdf, &self.range, &count);
+        (!count.is_over()).then(|| count.inside.into_inner())
     }
 
-    fn count_in(&self, sdf: &Sdf, block: &Block) -> u64 {
+    fn count_in(&self, sdf: &Sdf, block: &Block, count: &Count) {
+        if count.is_over() {
+            return;
+        }
         match self.side(sdf, block) {
-            Side::Outside => 0,
-            Side::Inside => points(block),
+            Side::Outside => {}
+            Side::Inside => drop(count.inside.fetch_add(points(block), Relaxed)),
             Side::Both => match halves(block) {
                 Some((low, high)) => {
-                    let (a, b) = rayon::join(|| self.count_in(sdf, &low), || self.count_in(sdf, &high));
-                    a + b
+                    rayon::join(|| self.count_in(sdf, &low, count), || self.count_in(sdf, &high, count));
                 }
-                None => indices(block).filter(|&i| self.inside(sdf, self.point(i, [0.5; 3]))).count() as u64,
+                None => {
+                    let inside = indices(block).filter(|&i| self.inside(sdf, self.point(i, [0.5; 3]))).count();
+                    count.inside.fetch_add(inside as u64, Relaxed);
+                    count.tested.fetch_add(points(block), Relaxed);
+                }
             },
         }
     }
@@ -207,11 +235,12 @@ mod tests {
         let lattice = Lattice::over([0.0; 3], 1.0 / 64.0, 3, sdf.bounds());
         let plain = indices(&lattice.range).filter(|&i| lattice.inside(&sdf, lattice.point(i, [0.5; 3]))).count();
         let mut sampled = lattice.sample(&sdf, Sampling::Regular, 1, 0);
-        assert_eq!(lattice.count(&sdf), plain as u64);
+        assert_eq!(lattice.count(&sdf, u64::MAX), Some(plain as u64));
         assert_eq!(sampled.len(), plain);
         sampled.sort_by(|a, b| a.partial_cmp(b).unwrap());
         sampled.dedup();
         assert_eq!(sampled.len(), plain, "a point twice");
+        assert_eq!(lattice.count(&sdf, plain as u64 - 1), None);
     }
 
     #[test]
@@ -238,7 +267,7 @@ mod tests {
         for cells in [10.0, 30.0, 70.0] {
             let lattice = Lattice::over([0.0; 3], 0.5 / cells, 3, sdf.bounds());
             let expected = 8.0 * 0.2 * 0.1 * 0.3 * (2.0 * cells).powi(3);
-            assert_eq!(lattice.count(&sdf), expected.round() as u64);
+            assert_eq!(lattice.count(&sdf, 1 << 40), Some(expected.round() as u64));
         }
     }
 }

@@ -111,6 +111,7 @@ pub enum Material {
 
 /// Isotropic elasticity.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct Elastic {
     /// Mass density at rest (kg/m³).
     pub density: f64,
@@ -122,6 +123,7 @@ pub struct Elastic {
 
 /// p = (bulk_modulus / gamma) (J^-gamma - 1).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct Fluid {
     /// Mass density at rest (kg/m³).
     pub density: f64,

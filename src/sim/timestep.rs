@@ -14,6 +14,8 @@
 //!
 //! All these bounds belong to the rest state. [`SAFETY`] covers moderate strain.
 
+use std::f64::consts::FRAC_1_SQRT_2;
+
 use serde::Serialize;
 
 use super::linalg::{self, Matrix};
@@ -113,15 +115,15 @@ fn factors(kernel: Kernel, transfer: Transfer, dimension: usize) -> Factors {
     use Kernel::*;
     use Transfer::*;
     let (p_wave, plane, single) = match (kernel, transfer) {
-        (Quadratic, Pic) => (0.7071, NONE, 6.0),
+        (Quadratic, Pic) => (FRAC_1_SQRT_2, NONE, 6.0),
         (Quadratic, Apic) => (1.0, NONE, 4.0),
         (Quadratic, Mls) => (1.0, NONE, 2.0),
         (Cubic, Pic) => (1.4033, NONE, 3.0 * 1.045606),
         (Cubic, Apic) => (1.7042, NONE, 3.0 * 0.545606),
         (Cubic, Mls) => (1.3952, NONE, 1.5),
         (Compact, Pic) => (NONE, 0.5, 12.108),
-        (Compact, Apic) => (NONE, 0.70711, if dimension == 2 { 8.355 } else { 8.955 }),
-        (Compact, Mls) => (0.69468, 0.70711, 6.054),
+        (Compact, Apic) => (NONE, FRAC_1_SQRT_2, if dimension == 2 { 8.355 } else { 8.955 }),
+        (Compact, Mls) => (0.69468, FRAC_1_SQRT_2, 6.054),
         (Linear, Pic) => ((dimension as f64).sqrt().recip(), NONE, 1.0 / 0.09),
         (Linear, Apic | Mls) => ((dimension as f64).sqrt().recip(), NONE, 0.5 / 0.09),
     };

@@ -1,0 +1,130 @@
+//! What a run will cost: particles, active blocks, memory, step and steps.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::sim::problem::{Axis, Kernel, Material, Problem};
+use crate::sim::timestep::{initial_affine_rate_1_s, initial_speed_m_s, plan_frame};
+
+/// Host memory a particle (bytes): its state in the problem, in the CPU engine while it is binned anew, and in a snapshot.
+pub(super) const HOST_BYTES_PER_PARTICLE: u64 = 1024;
+/// Device memory a particle (bytes) without its deformation: two positions, binning, the frame's positions and velocities.
+const DEVICE_BYTES_PER_PARTICLE: u64 = 112;
+/// Copies of the deformation on the device.
+const DEFORMATION_COPIES: u64 = 3;
+/// Cells of a block of the sparse grid.
+const BLOCK_CELLS: u64 = 64;
+/// Both sides of the dense block table on the device (bytes a block).
+const TABLE_BYTES_PER_BLOCK: u64 = 8;
+/// Two grid buffers of four channels in f32 (bytes a node).
+const NODE_BYTES: u64 = 32;
+
+/// The cost of a run, from its state at time 0.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Estimate {
+    pub particles: u64,
+    /// Cells of the domain on each axis.
+    pub cells: [usize; 3],
+    /// Active blocks of 4³ cells (2D: 4²): those with particles and their neighbours.
+    pub blocks: u64,
+    /// Host memory of a run on the CPU (bytes).
+    pub host_memory_bytes: u64,
+    /// Device memory of a run on a GPU (bytes); absent when the scene needs what GPUs here do not do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub device_memory_bytes: Option<u64>,
+    /// Step at time 0 (s).
+    pub dt_s: f64,
+    /// Stable name of the rule that set the step.
+    pub dt_bound: &'static str,
+    /// The same in words, and what would lengthen the step.
+    pub dt_reason: String,
+    pub steps_per_frame: u64,
+    /// Frames after frame 0.
+    pub frames: u32,
+    /// Steps of the whole run, if the step stays as it is.
+    pub steps: u64,
+    /// Particles times steps, which run time is proportional to.
+    pub particle_steps: f64,
+    /// End of the run (s of simulated time).
+    pub simulated_s: f64,
+}
+
+/// Costs a problem.
+pub fn estimate(problem: &Problem) -> Estimate {
+    let plan = plan_frame(problem, initial_speed_m_s(problem), initial_affine_rate_1_s(problem), problem.frame_s);
+    let particles = problem.particles.len() as u64;
+    let blocks = active_blocks(problem);
+    let steps = plan.steps.saturating_mul(u64::from(problem.frames));
+    Estimate {
+        particles,
+        cells: problem.cells,
+        blocks,
+        host_memory_bytes: memory_bytes(particles, problem.cells.map(|n| n as u64)),
+        device_memory_bytes: device_memory_bytes(problem, blocks),
+        dt_s: plan.dt_s,
+        dt_bound: plan.bound.name(),
+        dt_reason: plan.bound.explain(problem),
+        steps_per_frame: plan.steps,
+        frames: problem.frames,
+        steps,
+        particle_steps: particles as f64 * steps as f64,
+        simulated_s: f64::from(problem.frames) * problem.frame_s,
+    }
+}
+
+/// Host memory (bytes) of a run with so many particles on so large a grid; known before anything is allocated.
+pub(super) fn memory_bytes(particles: u64, cells: [u64; 3]) -> u64 {
+    let blocks = cells.iter().fold(1u64, |n, cells| n.saturating_mul(cells.div_ceil(4)));
+    particles.saturating_mul(HOST_BYTES_PER_PARTICLE).saturating_add(blocks.saturating_mul(TABLE_BYTES_PER_BLOCK))
+}
+
+fn device_memory_bytes(problem: &Problem, blocks: u64) -> Option<u64> {
+    let grids = match problem.kernel {
+        Kernel::Compact => 2,
+        Kernel::Quadratic => 1,
+        Kernel::Cubic | Kernel::Linear => return None,
+    };
+    let fluid = |m: &Material| matches!(m, Material::WeaklyCompressibleFluid(_));
+    let channels = if problem.bodies.iter().all(|b| fluid(&problem.materials[b.material])) { 1 } else { 9 };
+    let table: u64 = problem.cells.iter().map(|&n| n.div_ceil(4) as u64).product();
+    let particle = DEVICE_BYTES_PER_PARTICLE + 4 * channels * DEFORMATION_COPIES;
+    let nodes = blocks * BLOCK_CELLS * grids;
+    let explicit = problem.dimension == 3 && problem.precision == crate::sim::problem::Precision::F32;
+    explicit.then(|| problem.particles.len() as u64 * particle + table * TABLE_BYTES_PER_BLOCK + nodes * NODE_BYTES)
+}
+
+/// Blocks with particles and all their neighbours.
+fn active_blocks(problem: &Problem) -> u64 {
+    let key = |b: [i64; 3]| b.iter().fold(0u64, |key, b| key << 21 | (b + 1) as u64);
+    let block = |x: &[f64; 3]| -> [i64; 3] {
+        std::array::from_fn(|a| ((x[a] - problem.origin[a]) / (4.0 * problem.dx)).floor() as i64)
+    };
+    let mut occupied: Vec<[i64; 3]> = problem
+        .particles
+        .x
+        .par_chunks(1 << 14)
+        .flat_map_iter(|xs| {
+            let mut blocks: Vec<[i64; 3]> = xs.iter().map(block).collect();
+            blocks.sort_unstable();
+            blocks.dedup();
+            blocks
+        })
+        .collect();
+    occupied.par_sort_unstable();
+    occupied.dedup();
+    let reach = |a: usize| if a < problem.dimension { -1..=1 } else { 0..=0 };
+    let wrap = |a: usize, b: i64| match problem.axes[a] {
+        Axis::Periodic => b.rem_euclid(problem.cells[a] as i64 / 4),
+        Axis::Walls(_) => b,
+    };
+    let mut active: Vec<u64> = occupied
+        .par_iter()
+        .flat_map_iter(|b| {
+            let offsets = reach(0).flat_map(|i| reach(1).flat_map(move |j| reach(2).map(move |k| [i, j, k])));
+            offsets.map(|o| key(std::array::from_fn(|a| wrap(a, b[a] + o[a]))))
+        })
+        .collect();
+    active.par_sort_unstable();
+    active.dedup();
+    active.len() as u64
+}

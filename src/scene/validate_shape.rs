@@ -1,0 +1,126 @@
+//! Meaning of shapes: lengths, radii, axes, and programs that an evaluator can hold.
+
+use super::fault::join;
+use super::schema::Shape;
+use super::solid::sdf;
+use super::validate::Check;
+use crate::sim::collider::SDF_STACK;
+
+/// Primitives and operations of one shape at most.
+const MAX_OPS: usize = 4096;
+
+/// Judges a whole shape.
+pub(super) fn check_shape(check: &mut Check, at: &str, shape: &Shape) {
+    check_part(check, at, shape);
+    if !(check.has_dimension() && check.faults.clean(at)) {
+        return;
+    }
+    let sdf = sdf(shape, check.dimension);
+    if sdf.ops.len() > MAX_OPS {
+        let reason = format!("the shape has {} parts; {MAX_OPS} is the most", sdf.ops.len());
+        check.fault(at, "too_complex", reason, "split it into several bodies or colliders");
+    } else if sdf.stack_depth() > SDF_STACK {
+        let reason = format!("differences are nested {} deep; {SDF_STACK} is the most", sdf.stack_depth());
+        check.fault(at, "too_deep", reason, "subtract the parts one after another in a single difference");
+    }
+}
+
+fn check_part(check: &mut Check, at: &str, shape: &Shape) {
+    let (key, solid_only) = match shape {
+        Shape::Box { .. } => ("box", false),
+        Shape::Sphere { .. } => ("sphere", false),
+        Shape::Cylinder { .. } => ("cylinder", true),
+        Shape::Torus { .. } => ("torus", true),
+        Shape::HalfSpace { .. } => ("half-space", false),
+        Shape::Union(_) => ("union", false),
+        Shape::Intersection(_) => ("intersection", false),
+        Shape::Difference(_) => ("difference", false),
+        Shape::Translate { .. } => ("translate", false),
+        Shape::Rotate { .. } => ("rotate", false),
+        Shape::Shell { .. } => ("shell", false),
+    };
+    let at = join(at, key);
+    let field = |name: &str| join(&at, name);
+    if solid_only && check.has_dimension() && check.dimension == 2 {
+        let reason = format!("a {key} needs three dimensions");
+        check.fault(&at, "needs_3d", reason, "in 2D write its cross-section from boxes and spheres");
+        return;
+    }
+    match shape {
+        Shape::Box { min, max } => {
+            check.vector(&field("min"), min);
+            check.vector(&field("max"), max);
+            if check.has_dimension() && check.faults.clean(&at) {
+                for a in 0..check.dimension {
+                    if max[a] <= min[a] {
+                        let reason = format!("max {} is not above min {}", max[a], min[a]);
+                        check.fault(&join(&field("max"), a), "empty", reason, "write a larger max");
+                    }
+                }
+            }
+        }
+        Shape::Sphere { center, radius } => {
+            check.vector(&field("center"), center);
+            check.positive(&field("radius"), *radius, "the radius");
+        }
+        Shape::Cylinder { center, axis, radius, height } => {
+            check.vector(&field("center"), center);
+            direction(check, &field("axis"), axis);
+            check.positive(&field("radius"), *radius, "the radius");
+            check.positive(&field("height"), *height, "the height");
+        }
+        Shape::Torus { center, axis, major_radius, minor_radius } => {
+            check.vector(&field("center"), center);
+            direction(check, &field("axis"), axis);
+            check.positive(&field("major_radius"), *major_radius, "the major radius");
+            check.positive(&field("minor_radius"), *minor_radius, "the minor radius");
+        }
+        Shape::HalfSpace { point, normal } => {
+            check.vector(&field("point"), point);
+            direction(check, &field("normal"), normal);
+        }
+        Shape::Union(shapes) | Shape::Intersection(shapes) => several(check, &at, key, shapes, 1),
+        Shape::Difference(shapes) => several(check, &at, key, shapes, 2),
+        Shape::Translate { offset, shape } => {
+            check.vector(&field("offset"), offset);
+            check_part(check, &field("shape"), shape);
+        }
+        Shape::Rotate { axis, angle_degrees, center, shape } => {
+            // The default axis is z, which is also the only one in 2D.
+            if check.dimension == 2 && check.has_dimension() {
+                if !(axis.len() == 3 && axis[0] == 0.0 && axis[1] == 0.0 && axis[2] != 0.0) {
+                    check.fault(&field("axis"), "needs_3d", "in 2D there is only one axis", "take `axis` out");
+                }
+            } else {
+                direction(check, &field("axis"), axis);
+            }
+            check.finite(&field("angle_degrees"), *angle_degrees);
+            if let Some(center) = center {
+                check.vector(&field("center"), center);
+            }
+            check_part(check, &field("shape"), shape);
+        }
+        Shape::Shell { thickness, shape } => {
+            check.positive(&field("thickness"), *thickness, "the thickness");
+            check_part(check, &field("shape"), shape);
+        }
+    }
+}
+
+fn several(check: &mut Check, at: &str, key: &str, shapes: &[Shape], least: usize) {
+    if shapes.len() < least {
+        let reason = format!("a {key} of {} shapes", shapes.len());
+        check.fault(at, "too_few_shapes", reason, format!("list at least {least}"));
+    }
+    for (n, shape) in shapes.iter().enumerate() {
+        check_part(check, &join(at, n), shape);
+    }
+}
+
+/// A vector that is not zero.
+fn direction(check: &mut Check, at: &str, v: &[f64]) {
+    check.vector(at, v);
+    if check.faults.clean(at) && v.iter().all(|a| *a == 0.0) {
+        check.fault(at, "zero_vector", "a direction of length zero", "write a vector that is not zero");
+    }
+}
