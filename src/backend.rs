@@ -59,6 +59,11 @@ impl Devices {
         }
     }
 
+    /// Why the GPU was or was not opened.
+    pub fn reason(&self) -> &str {
+        &self.reason
+    }
+
     /// The GPU that was opened, if one was.
     pub fn gpu(&self) -> Option<&Arc<Gpu>> {
         self.gpu.as_ref()

@@ -3,6 +3,7 @@
 //! Dependencies point down only; `docs/ARCHITECTURE.md` draws the picture and `tests/tidy.rs` holds it.
 
 pub mod backend;
+pub mod bench;
 pub mod cpu;
 pub mod engine;
 pub mod gpu;

@@ -178,6 +178,11 @@ impl Gpu {
         }
     }
 
+    /// Whether the driver runs on the CPU.
+    pub fn is_software(&self) -> bool {
+        is_software(&self.info)
+    }
+
     /// The first error that the driver reported since the device was opened, if any.
     pub fn check(&self) -> Result<(), EngineError> {
         match &*self.fault.lock().unwrap() {

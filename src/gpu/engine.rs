@@ -126,7 +126,8 @@ impl GpuEngine {
         self.buffers.sizes.total_bytes()
     }
 
-    pub(super) fn gpu(&self) -> &Arc<Gpu> {
+    /// The device it runs on.
+    pub fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
     }
 
