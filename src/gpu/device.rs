@@ -95,7 +95,10 @@ pub struct Gpu {
     pub dispatch_layout: wgpu::BindGroupLayout,
     pub workgroup: u32,
     pipelines: Mutex<HashMap<(Kernel, bool), Arc<Pipelines>>>,
+    /// First error since the last check; one run's failure is not the next one's.
     fault: Arc<Mutex<Option<String>>>,
+    /// Set for good when the device is gone.
+    lost: Arc<Mutex<Option<String>>>,
 }
 
 impl Gpu {
@@ -138,8 +141,8 @@ impl Gpu {
             ..Default::default()
         }))
         .map_err(|e| EngineError::NoDevice(format!("{}: {e}", info.name)))?;
-        let fault = Arc::new(Mutex::new(None));
-        let (on_error, on_lost) = (fault.clone(), fault.clone());
+        let (fault, lost) = (Arc::new(Mutex::new(None)), Arc::new(Mutex::new(None)));
+        let (on_error, on_lost) = (fault.clone(), lost.clone());
         device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| {
             on_error.lock().unwrap().get_or_insert(e.to_string());
         }));
@@ -162,6 +165,7 @@ impl Gpu {
             workgroup,
             pipelines: Mutex::default(),
             fault,
+            lost,
             device,
             queue,
         })
@@ -183,11 +187,14 @@ impl Gpu {
         is_software(&self.info)
     }
 
-    /// The first error that the driver reported since the device was opened, if any.
+    /// The first error that the driver reported since the last check, if any.
     pub fn check(&self) -> Result<(), EngineError> {
-        match &*self.fault.lock().unwrap() {
-            Some(e) if e.to_lowercase().contains("memory") => Err(EngineError::Capacity(e.clone())),
-            Some(e) => Err(EngineError::DeviceLost(e.clone())),
+        if let Some(why) = &*self.lost.lock().unwrap() {
+            return Err(EngineError::DeviceLost(why.clone()));
+        }
+        match self.fault.lock().unwrap().take() {
+            Some(e) if e.to_lowercase().contains("out of memory") => Err(EngineError::Capacity(e)),
+            Some(e) => Err(EngineError::DeviceLost(e)),
             None => Ok(()),
         }
     }
