@@ -1,0 +1,6 @@
+//! The physics of the CPU engine, which the GPU is compared with: conservation, closed forms, contact.
+
+mod conservation;
+mod contact;
+mod elastic;
+mod problems;
