@@ -79,7 +79,7 @@ fn capacity_grows_without_losing_a_step() {
     let problem = common::problem(
         r#"{ "gridfall": 1, "name": "burst",
         "domain": { "min": [0, 0, 0], "max": [3, 3, 3], "dx": 0.0625 },
-        "materials": { "gas": { "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1, "gamma": 1 } },
+        "materials": { "gas": { "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1, "gamma": 2 } },
         "bodies": [ { "name": "a", "material": "gas", "shape": { "box": { "min": [1.375, 1.375, 1.375], "max": [1.625, 1.625, 1.625] } },
             "velocity_gradient": [[20, 0, 0], [0, 20, 0], [0, 0, 20]] } ],
         "time": { "end": 0.3, "frame_rate": 10 } }"#,
@@ -143,6 +143,16 @@ fn failures_name_step_and_particle() {
     problem.particles.f[77][0] = f64::NAN;
     match common::gpu_engine(&problem).advance_frame(problem.frame_s, &NoControl) {
         Err(EngineError::Diverged { step: 0, what, .. }) => assert!(what.contains("particle 77"), "{what}"),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_particle_outside_the_domain_is_an_error() {
+    let mut problem = block("compact", "", "\"velocity\": [0, 0, 0]");
+    problem.particles.x[12] = [-1.5 * problem.dx, 0.5, 0.5];
+    match common::gpu_engine(&problem).advance_frame(problem.frame_s, &NoControl) {
+        Err(EngineError::LeftDomain { what, .. }) => assert!(what.contains("particle 12"), "{what}"),
         other => panic!("{other:?}"),
     }
 }

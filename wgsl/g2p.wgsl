@@ -11,6 +11,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
             status.finished = 1u;
         }
     }
+    let corner = block_corner(job.block);
     open_gather(job.block, lane);
     workgroupBarrier();
     load_velocities(lane);
@@ -22,7 +23,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         let y = bitcast<vec3<f32>>(packed.xyz);
         let model = materials[bodies[body_of[id]].material].model;
         let g = gather(y);
-        let next = advance(y, g, load_deformation(from_, model), model, id);
+        let next = advance(corner, y, g, load_deformation(from_, model), model, id);
         let block = block_index(block_coordinates(job.block) + next.shift);
         if (block < 0) {
             fail(ERROR_DOMAIN, id);

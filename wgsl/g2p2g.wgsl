@@ -10,6 +10,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     if (item < status.groups[GROUPS_WORK]) {
         job = work[item];
     }
+    let corner = block_corner(job.block);
     open_gather(job.block, lane);
     open_scatter(job.block, lane);
     workgroupBarrier();
@@ -24,7 +25,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         let body = bodies[body_of[id]];
         let material = materials[body.material];
         let g = gather(y);
-        let next = advance(y, g, load_deformation(from_, material.model), material.model, id);
+        let next = advance(corner, y, g, load_deformation(from_, material.model), material.model, id);
         var destination = vec2<u32>(0xffffffffu, 0u);
         if (next.ok) {
             let tau = kirchhoff(next.state, material, g.gradient * (1.0 / params.dx));

@@ -8,7 +8,12 @@ struct Advanced {
     state: Deformation,
 }
 
-fn advance(y: vec3<f32>, g: Gathered, state: Deformation, model: u32, id: u32) -> Advanced {
+/// Cells from the domain's corner to a block's.
+fn block_corner(block: u32) -> vec3<f32> {
+    return vec3<f32>(4 * block_coordinates(block) - params.pad);
+}
+
+fn advance(corner: vec3<f32>, y: vec3<f32>, g: Gathered, state: Deformation, model: u32, id: u32) -> Advanced {
     var out: Advanced;
     let move_cells = g.v * (params.dt / params.dx);
     let farthest = max(max(abs(move_cells.x), abs(move_cells.y)), abs(move_cells.z));
@@ -28,6 +33,11 @@ fn advance(y: vec3<f32>, g: Gathered, state: Deformation, model: u32, id: u32) -
         atomicOr(&status.halt, HALT_REPLAN);
     }
     out.y = y + move_cells;
+    let x = corner + out.y + SHIFT;
+    let outside = (x < vec3<f32>(-1.0)) | (x > params.cells + 1.0);
+    if (any(outside & (params.periodic == vec3<u32>(0u)))) {
+        fail(ERROR_DOMAIN, id);
+    }
     out.shift = vec3<i32>(floor(out.y * 0.25));
     // Just below a block's edge the offset can round up to 4.
     out.local = min(out.y - 4.0 * vec3<f32>(out.shift), vec3<f32>(3.9999998));
