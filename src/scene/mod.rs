@@ -17,7 +17,6 @@ mod validate_shape;
 
 pub use fault::Fault;
 pub use schema::Scene;
-pub use structure::schema as json_schema;
 
 use serde_json::Value;
 

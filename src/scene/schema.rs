@@ -375,3 +375,9 @@ pub enum Field {
     #[serde(rename = "pressure")]
     Pressure,
 }
+
+/// The JSON Schema of scenes, pretty-printed: what `api/scene.schema.json` holds.
+pub fn json_schema() -> String {
+    let schema = schemars::schema_for!(Scene);
+    serde_json::to_string_pretty(&schema).expect("a schema is plain data") + "\n"
+}
