@@ -4,9 +4,12 @@
 
 pub mod backend;
 pub mod bench;
+pub mod cli;
 pub mod cpu;
 pub mod engine;
 pub mod gpu;
+pub mod http;
+pub mod jobs;
 pub mod material;
 pub mod provenance;
 pub mod recording;

@@ -281,19 +281,20 @@ impl JobStore {
     }
 
     /// Puts back the job of an attempt that was stopped by its server; a job that was also canceled ends instead.
-    pub async fn put_back(&self, id: Uuid, attempt: i64) -> Result<()> {
-        sqlx::query(
+    /// Returns where the job stands.
+    pub async fn put_back(&self, id: Uuid, attempt: i64) -> Result<Option<Status>> {
+        let status: Option<String> = sqlx::query_scalar(
             "UPDATE jobs SET status = CASE cancel_requested WHEN 1 THEN 'canceled' ELSE 'queued' END, \
                finished_at = CASE cancel_requested WHEN 1 THEN ?1 END, \
                started_at = CASE cancel_requested WHEN 1 THEN started_at END \
-             WHERE id = ?2 AND attempt = ?3 AND status = 'running'",
+             WHERE id = ?2 AND attempt = ?3 AND status = 'running' RETURNING status",
         )
         .bind(now())
         .bind(id.to_string())
         .bind(attempt)
-        .execute(&self.writer)
+        .fetch_optional(&self.writer)
         .await?;
-        Ok(())
+        Ok(status.map(known))
     }
 
     /// Puts back the job of an attempt that took its device with it, unless it has done so before: then it fails
@@ -316,7 +317,7 @@ impl JobStore {
         .bind(attempt)
         .fetch_optional(&self.writer)
         .await?;
-        Ok(status.map(|status| status.parse().expect("the table's check allows no other status")))
+        Ok(status.map(known))
     }
 
     /// Deals with the jobs that were running when the last server of this database died. Call before any claim.
@@ -342,6 +343,10 @@ impl JobStore {
         let ids: Vec<String> = sqlx::query_scalar("SELECT id FROM jobs").fetch_all(&self.reader).await?;
         Ok(ids.iter().filter_map(|id| Uuid::parse_str(id).ok()).collect())
     }
+}
+
+fn known(status: String) -> Status {
+    status.parse().expect("the table's check allows no other status")
 }
 
 fn now() -> i64 {

@@ -1,0 +1,86 @@
+//! The command line: arguments, progress and exit codes. One file a command.
+
+mod demo;
+mod device;
+mod interrupt;
+mod run;
+mod schema;
+mod serve;
+
+use std::fmt;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::scene::Fault;
+
+/// A headless, GPU-first compute service for the material point method (MPM).
+#[derive(Debug, Parser)]
+#[command(version, arg_required_else_help = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Serve(serve::Arguments),
+    Run(run::Arguments),
+    Demo(demo::Arguments),
+    Schema(schema::Arguments),
+}
+
+impl Command {
+    fn execute(self) -> Result<(), CliError> {
+        match self {
+            Self::Serve(arguments) => serve::execute(arguments),
+            Self::Run(arguments) => run::execute(arguments),
+            Self::Demo(arguments) => demo::execute(arguments),
+            Self::Schema(arguments) => schema::execute(arguments),
+        }
+    }
+}
+
+/// Reads the command line, does what it says, and returns 0 when done, 1 when a job failed, 2 for bad input.
+pub fn main() -> ExitCode {
+    match Arguments::parse().command.execute() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            error.exit_code()
+        }
+    }
+}
+
+/// Why a command did not do what it was told.
+#[derive(Debug)]
+enum CliError {
+    /// The work itself failed.
+    Failed(String),
+    /// It could not be begun with this input.
+    BadInput(String),
+    /// A scene has faults.
+    Faults { scene: String, faults: Vec<Fault> },
+}
+
+impl CliError {
+    fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Failed(_) => ExitCode::from(1),
+            Self::BadInput(_) | Self::Faults { .. } => ExitCode::from(2),
+        }
+    }
+}
+
+impl fmt::Display for CliError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Failed(message) | Self::BadInput(message) => write!(f, "error: {message}"),
+            Self::Faults { scene, faults } => {
+                let n = faults.len();
+                write!(f, "error: {scene} has {n} {}", if n == 1 { "fault" } else { "faults" })?;
+                faults.iter().try_for_each(|fault| write!(f, "\n  {fault}"))
+            }
+        }
+    }
+}

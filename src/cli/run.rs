@@ -1,0 +1,152 @@
+//! `gridfall run`: a scene without a server.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::json;
+
+use super::device::DeviceArguments;
+use super::{CliError, interrupt};
+use crate::backend::Devices;
+use crate::engine::{Backend, Control, EngineError};
+use crate::jobs::admission::{Admitted, admit};
+use crate::run::{self, FrameReport, Observer, Outputs, RunError};
+use crate::scene::Limits;
+
+/// Run a scene here, without a server, and write its recording.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// The scene (JSON); - reads standard input.
+    scene: PathBuf,
+    /// The recording; SCENE's name with .mcap in the current directory by default.
+    #[arg(short, long, value_name = "OUT.mcap")]
+    output: Option<PathBuf>,
+    /// Also write the diagnostics, a row a frame.
+    #[arg(long, value_name = "OUT.csv")]
+    diagnostics: Option<PathBuf>,
+    /// Stop after this many frames.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    frames: Option<u32>,
+    /// Replace a value of the scene, such as solver.kernel=quadratic; may be given several times.
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    overrides: Vec<String>,
+    /// Print a summary as JSON on standard output.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    device: DeviceArguments,
+}
+
+pub fn execute(arguments: Arguments) -> Result<(), CliError> {
+    let Admitted { scene, mut problem, .. } = load(&arguments.scene, &arguments.overrides)?;
+    if let Some(frames) = arguments.frames {
+        problem.frames = problem.frames.min(frames);
+    }
+    let outputs = Outputs {
+        recording: arguments.output.unwrap_or_else(|| default_output(&arguments.scene)),
+        thumbnail: None,
+        diagnostics: arguments.diagnostics,
+    };
+    let device_failure = |error: EngineError| CliError::BadInput(error.to_string());
+    let devices =
+        Devices::open(arguments.device.choice(), arguments.device.adapter.as_deref()).map_err(device_failure)?;
+    let mut engine = devices.engine(&problem).map_err(device_failure)?;
+    let backend = engine.backend().clone();
+    let particles = problem.particles.len();
+    eprintln!("{}: {particles} particles, {} frames; {}", scene.name, problem.frames, describe(&backend));
+
+    let interrupted = interrupt::flag().map_err(|error| CliError::Failed(error.to_string()))?;
+    let started = Instant::now();
+    let progress = Progress { bar: bar(u64::from(problem.frames)), interrupted, particles, started };
+    let ran = run::run(&scene, &problem, engine.as_mut(), &outputs, &progress);
+    progress.bar.finish_and_clear();
+    let summary = ran.map_err(|error| match error {
+        RunError::Engine(EngineError::Canceled) => {
+            CliError::Failed(format!("interrupted; {} has the frames so far", outputs.recording.display()))
+        }
+        error => CliError::Failed(error.to_string()),
+    })?;
+
+    let wall_s = started.elapsed().as_secs_f64();
+    let speed = particles as f64 * summary.steps as f64 / wall_s;
+    if arguments.json {
+        let report = json!({
+            "recording": outputs.recording,
+            "diagnostics": outputs.diagnostics,
+            "particles": particles,
+            "frames_written": summary.frames_written,
+            "steps": summary.steps,
+            "sim_time": summary.time_s,
+            "wall_s": wall_s,
+            "particle_steps_per_s": speed,
+            "backend": backend,
+        });
+        println!("{report:#}");
+    } else {
+        eprintln!(
+            "wrote {} ({} frames, {} steps, {wall_s:.1} s, {:.2} M particle-steps/s)",
+            outputs.recording.display(),
+            summary.frames_written,
+            summary.steps,
+            speed / 1e6
+        );
+    }
+    Ok(())
+}
+
+/// Reads and judges a scene file.
+pub fn load(path: &Path, overrides: &[String]) -> Result<Admitted, CliError> {
+    let name = if path == Path::new("-") { "standard input".to_owned() } else { path.display().to_string() };
+    let text =
+        if path == Path::new("-") { std::io::read_to_string(std::io::stdin()) } else { std::fs::read_to_string(path) };
+    let text = text.map_err(|error| CliError::BadInput(format!("cannot read {name}: {error}")))?;
+    let document =
+        serde_json::from_str(&text).map_err(|error| CliError::BadInput(format!("{name} is not JSON: {error}")))?;
+    admit(document, overrides, &Limits::default()).map_err(|faults| CliError::Faults { scene: name, faults })
+}
+
+fn default_output(scene: &Path) -> PathBuf {
+    let stem = scene.file_stem().filter(|stem| *stem != "-").map_or("scene".into(), PathBuf::from);
+    stem.with_extension("mcap")
+}
+
+/// Which device runs, and why.
+pub fn describe(backend: &Backend) -> String {
+    format!("on {} ({}): {}", backend.device, backend.kind, backend.reason)
+}
+
+/// A bar on standard error; nothing when that is not a terminal.
+pub fn bar(length: u64) -> ProgressBar {
+    let template = "[{elapsed_precise}] {bar:40} {pos}/{len} {msg} eta {eta}";
+    let bar = ProgressBar::new(length).with_style(ProgressStyle::with_template(template).expect("a valid template"));
+    bar.enable_steady_tick(Duration::from_millis(200));
+    bar
+}
+
+struct Progress {
+    bar: ProgressBar,
+    interrupted: Arc<AtomicBool>,
+    particles: usize,
+    started: Instant,
+}
+
+impl Control for Progress {
+    fn canceled(&self) -> bool {
+        self.interrupted.load(Ordering::Relaxed)
+    }
+
+    fn progress(&self, step: u64, _time_s: f64) {
+        let speed = self.particles as f64 * step as f64 / self.started.elapsed().as_secs_f64();
+        self.bar.set_message(format!("frames, step {step}, {:.2} M particle-steps/s", speed / 1e6));
+    }
+}
+
+impl Observer for Progress {
+    fn frame(&self, report: &FrameReport) {
+        self.bar.set_position(report.frame);
+    }
+}

@@ -1,0 +1,46 @@
+//! Is the server alive, and can it take and run jobs?
+
+use axum::Json;
+use axum::extract::State;
+
+use super::dto::{Check, Live, Ready};
+use super::problem::Problem;
+use super::state::Api;
+use crate::jobs::DeviceState;
+
+/// Is the process alive? Touches nothing.
+#[utoipa::path(get, path = "/livez", tag = "health", responses((status = 200, body = Live)))]
+pub async fn livez() -> Json<Live> {
+    Json(Live { status: "live", version: env!("CARGO_PKG_VERSION") })
+}
+
+/// Can the server take and run jobs, and if not, why?
+#[utoipa::path(get, path = "/readyz", tag = "health", responses(
+    (status = 200, body = Ready),
+    (status = 503, body = super::dto::Problem, content_type = "application/problem+json", description = "`not_ready`, with all `checks`"),
+))]
+pub async fn readyz(State(api): State<Api>) -> Result<Json<Ready>, Problem> {
+    let store = match api.store.ping().await {
+        Ok(()) => Check { name: "store", ok: true, detail: "the job database answers".into() },
+        Err(error) => Check { name: "store", ok: false, detail: error.to_string() },
+    };
+    let device = api.worker.device();
+    let stopped = device == DeviceState::Stopped;
+    let worker = Check {
+        name: "worker",
+        ok: !stopped,
+        detail: if stopped { "the worker has ended; restart the server" } else { "the worker runs" }.into(),
+    };
+    let device = match device {
+        DeviceState::Ready => Check { name: "device", ok: true, detail: "the devices are open".into() },
+        DeviceState::Opening => Check { name: "device", ok: false, detail: "the devices are being opened".into() },
+        DeviceState::Unusable(reason) => Check { name: "device", ok: false, detail: reason },
+        DeviceState::Stopped => Check { name: "device", ok: false, detail: "the devices are closed".into() },
+    };
+    let checks = vec![store, worker, device];
+    if checks.iter().all(|check| check.ok) {
+        Ok(Json(Ready { status: "ready", checks }))
+    } else {
+        Err(Problem::not_ready(checks))
+    }
+}

@@ -1,0 +1,162 @@
+//! Jobs: submit, list, look at, cancel, delete.
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use sha2::{Digest, Sha256};
+
+use super::dto::{self, JobList, ListJobs, SubmitJob};
+use super::extract::{JobId, JsonBody, Query};
+use super::openapi::PROBLEM;
+use super::problem::{Code, Problem, internal};
+use super::range::{entity_tag_matches, not_modified};
+use super::scenes::judge;
+use super::state::Api;
+use crate::store::{Deletion, NewJob, Status, Submission};
+
+const MAX_NAME_CHARS: usize = 200;
+const IDEMPOTENCY_KEY: &str = "idempotency-key";
+
+/// Submits a scene. It is judged before it is accepted: all its faults come back at once.
+#[utoipa::path(post, path = "/v1/jobs", tag = "jobs",
+    params(("Idempotency-Key" = Option<String>, Header,
+        description = "1 to 255 printable characters of your choice. A request repeated under the same key is accepted once.")),
+    request_body = SubmitJob,
+    responses(
+        (status = 202, body = dto::Job, description = "Accepted, or accepted before under the same idempotency key",
+            headers(("Location" = String, description = "Path of the job"))),
+        (status = 400, body = dto::Problem, content_type = PROBLEM, description = "`invalid_json`, `invalid_body`, `invalid_header`"),
+        (status = 422, body = dto::Problem, content_type = PROBLEM,
+            description = "`invalid_scene` with all its `faults`, `invalid_request`, `idempotency_key_reused`"),
+        (status = 429, body = dto::Problem, content_type = PROBLEM, description = "`queue_full`",
+            headers(("Retry-After" = u32, description = "Seconds"))),
+    ))]
+pub async fn submit(
+    State(api): State<Api>,
+    headers: HeaderMap,
+    JsonBody(request): JsonBody<SubmitJob>,
+) -> Result<Response, Problem> {
+    let idempotency_key = headers.get(IDEMPOTENCY_KEY).map(idempotency_key).transpose()?;
+    let request_sha256 = sha256_hex(&serde_json::to_vec(&request).map_err(internal)?);
+    let name = request.name.map(valid_name).transpose()?;
+    let overrides = request.overrides.iter().map(|(path, value)| format!("{path}={value}")).collect();
+    let new = judge(&api, request.scene, overrides, "/scene", move |admitted| NewJob {
+        name: name.unwrap_or(admitted.scene.name),
+        scene: admitted.document,
+        particles: admitted.problem.particles.len() as u64,
+        frames: u64::from(admitted.problem.frames) + 1,
+        end_time_s: f64::from(admitted.problem.frames) * admitted.problem.frame_s,
+        idempotency_key,
+        request_sha256,
+    })
+    .await?;
+    let job = match api.store.submit(&new, api.config.max_queued).await? {
+        Submission::Accepted(job) | Submission::Repeated(job) => job,
+        Submission::KeyReused => {
+            return Err(Problem::new(
+                Code::IdempotencyKeyReused,
+                "a different request was accepted under this Idempotency-Key; take a new key",
+            ));
+        }
+        Submission::QueueFull => {
+            let detail = format!("{} jobs are waiting already; try again later", api.config.max_queued);
+            return Err(Problem::new(Code::QueueFull, detail).retry_after(30));
+        }
+    };
+    api.worker.wake();
+    let location = format!("/v1/jobs/{}", job.id);
+    Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], Json(dto::Job::from(job))).into_response())
+}
+
+fn idempotency_key(value: &HeaderValue) -> Result<String, Problem> {
+    match value.to_str() {
+        Ok(key) if (1..=255).contains(&key.len()) => Ok(key.to_owned()),
+        _ => Err(Problem::new(Code::InvalidHeader, "an Idempotency-Key has 1 to 255 printable ASCII characters")),
+    }
+}
+
+fn valid_name(name: String) -> Result<String, Problem> {
+    if name.trim().is_empty() || name.chars().count() > MAX_NAME_CHARS {
+        let detail = format!("/name: a name has 1 to {MAX_NAME_CHARS} characters; leave it out to use the scene's");
+        return Err(Problem::new(Code::InvalidRequest, detail));
+    }
+    Ok(name)
+}
+
+/// Lists jobs, newest first.
+#[utoipa::path(get, path = "/v1/jobs", tag = "jobs", params(ListJobs), responses((status = 200, body = JobList)))]
+pub async fn list(State(api): State<Api>, Query(query): Query<ListJobs>) -> Result<Json<JobList>, Problem> {
+    let limit = query.limit.unwrap_or(50);
+    if !(1..=200).contains(&limit) {
+        return Err(Problem::new(Code::InvalidQuery, format!("limit is {limit}; it may be 1 to 200")));
+    }
+    let before = query.cursor.map(|cursor| cursor.parse::<i64>()).transpose().map_err(|_| {
+        Problem::new(Code::InvalidQuery, "cursor is not one that this server gave out; take next_cursor of a page")
+    })?;
+    // One more than asked for tells whether there is another page.
+    let mut jobs = api.store.list(query.status, before, limit + 1).await?;
+    let more = jobs.len() > limit as usize;
+    jobs.truncate(limit as usize);
+    let next_cursor = jobs.last().filter(|_| more).map(|job| job.seq.to_string());
+    Ok(Json(JobList { jobs: jobs.into_iter().map(Into::into).collect(), next_cursor }))
+}
+
+/// A job as it stands. `ETag` and `If-None-Match` make looking again cheap.
+#[utoipa::path(get, path = "/v1/jobs/{id}", tag = "jobs",
+    params(
+        ("id" = Uuid, Path),
+        ("If-None-Match" = Option<String>, Header, description = "`ETag` of an earlier answer"),
+    ),
+    responses(
+        (status = 200, body = dto::Job, headers(("ETag" = String))),
+        (status = 304, description = "The job is as it was"),
+    ))]
+pub async fn get(State(api): State<Api>, JobId(id): JobId, headers: HeaderMap) -> Result<Response, Problem> {
+    let job = api.store.get(id).await?.ok_or_else(|| Problem::job_not_found(id))?;
+    let body = serde_json::to_vec(&dto::Job::from(job)).map_err(internal)?;
+    let tag = format!("\"{}\"", &sha256_hex(&body)[..32]);
+    if entity_tag_matches(headers.get(header::IF_NONE_MATCH), &tag) {
+        return Ok(not_modified(&tag));
+    }
+    let headers =
+        [(header::CONTENT_TYPE, "application/json"), (header::ETAG, tag.as_str()), (header::CACHE_CONTROL, "no-cache")];
+    Ok((headers, body).into_response())
+}
+
+/// Cancels a job. A queued one ends at once; a running one stops within about a second and keeps its recording so far;
+/// nothing happens to one that has ended.
+#[utoipa::path(post, path = "/v1/jobs/{id}/cancel", tag = "jobs", params(("id" = Uuid, Path)), responses(
+    (status = 200, body = dto::Job, description = "The job has ended"),
+    (status = 202, body = dto::Job, description = "The job is running and will stop"),
+))]
+pub async fn cancel(State(api): State<Api>, JobId(id): JobId) -> Result<(StatusCode, Json<dto::Job>), Problem> {
+    let job = api.store.cancel(id).await?.ok_or_else(|| Problem::job_not_found(id))?;
+    let status = if job.status.is_terminal() { StatusCode::OK } else { StatusCode::ACCEPTED };
+    Ok((status, Json(job.into())))
+}
+
+/// Deletes a job that has ended, and its files. Cancel a queued or running one first.
+#[utoipa::path(delete, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = Uuid, Path)), responses(
+    (status = 204, description = "The job and its files are gone"),
+    (status = 409, body = dto::Problem, content_type = PROBLEM, description = "`job_not_finished`"),
+))]
+pub async fn delete(State(api): State<Api>, JobId(id): JobId) -> Result<StatusCode, Problem> {
+    match api.store.delete(id).await? {
+        Deletion::Deleted => {
+            let files = api.data.job(id);
+            tokio::task::spawn_blocking(move || files.remove()).await.map_err(internal)??;
+            Ok(StatusCode::NO_CONTENT)
+        }
+        Deletion::NotFound => Err(Problem::job_not_found(id)),
+        Deletion::NotFinished(status) => {
+            let state = if status == Status::Queued { "waits" } else { "runs" };
+            let detail = format!("the job {state}; cancel it first (POST /v1/jobs/{id}/cancel)");
+            Err(Problem::new(Code::JobNotFinished, detail))
+        }
+    }
+}
+
+fn sha256_hex(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}

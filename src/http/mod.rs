@@ -1,0 +1,25 @@
+//! The HTTP API. [`router`] has all of it on one page.
+
+mod dto;
+mod extract;
+mod health;
+mod index;
+mod jobs;
+mod layers;
+mod metrics;
+mod openapi;
+mod outputs;
+mod problem;
+mod range;
+mod router;
+mod scenes;
+mod server;
+mod state;
+
+pub use openapi::{document, document_json};
+pub use router::router;
+pub use server::{Options, ServeError, serve};
+pub use state::{Api, Config};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,100 @@
+//! The API's OpenAPI 3.1 document, made from the handlers.
+
+use std::collections::BTreeMap;
+
+use axum::Json;
+use utoipa::OpenApi;
+use utoipa::openapi::path::{Operation, ParameterIn};
+use utoipa::openapi::response::{Response, ResponseBuilder};
+use utoipa::openapi::{ContentBuilder, OpenApi as Document, Ref, RefOr};
+
+use super::{dto, router};
+
+/// Media type of errors.
+pub const PROBLEM: &str = "application/problem+json";
+
+/// What the document says of the API as a whole.
+#[derive(OpenApi)]
+#[openapi(
+    info(
+        title = "Gridfall",
+        description = "Submit material point method (MPM) scenes as jobs, watch them, and download their recordings.\n\n\
+            Every error is an RFC 9457 problem with a stable `code`; clients should go by it and ignore members they do not know.",
+        license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0"),
+    ),
+    components(schemas(dto::Problem)),
+    tags(
+        (name = "jobs", description = "Scenes to be run, running and run"),
+        (name = "outputs", description = "What jobs produce"),
+        (name = "scenes", description = "What can be run"),
+        (name = "health", description = "For operators"),
+        (name = "meta", description = "The API itself"),
+    ),
+)]
+pub(super) struct Description;
+
+/// The document, complete.
+pub fn document() -> Document {
+    router::routes().1
+}
+
+/// The document as `api/openapi.json` holds it.
+pub fn document_json() -> String {
+    document().to_pretty_json().expect("the document is plain data") + "\n"
+}
+
+/// This document.
+#[utoipa::path(get, path = "/openapi.json", tag = "meta", responses((status = 200, body = Object)))]
+pub async fn openapi() -> Json<Document> {
+    Json(document())
+}
+
+/// Adds to each operation the problems that follow from its form, and descriptions where handlers gave none.
+pub(super) fn complete(document: &mut Document) {
+    for item in document.paths.paths.values_mut() {
+        for operation in [&mut item.get, &mut item.post, &mut item.put, &mut item.delete].into_iter().flatten() {
+            for (status, codes) in common_problems(operation) {
+                operation.responses.responses.entry(status.to_owned()).or_insert_with(|| problem(&codes));
+            }
+            for response in operation.responses.responses.values_mut() {
+                if let RefOr::T(response) = response
+                    && response.description.is_empty()
+                {
+                    response.description = "Done".to_owned();
+                }
+            }
+        }
+    }
+}
+
+/// Codes by status that any operation of this form may answer with.
+fn common_problems(operation: &Operation) -> BTreeMap<&'static str, Vec<&'static str>> {
+    let takes = |kind: ParameterIn| {
+        let mut parameters = operation.parameters.iter().flatten();
+        parameters.any(|parameter| matches!(parameter, RefOr::T(parameter) if parameter.parameter_in == kind))
+    };
+    let mut problems = BTreeMap::from([("500", vec!["internal"]), ("503", vec!["overloaded"])]);
+    let mut add = |status, codes: &[&'static str]| problems.entry(status).or_insert_with(Vec::new).extend(codes);
+    if takes(ParameterIn::Path) {
+        add("400", &["invalid_path"]);
+        add("404", &["job_not_found"]);
+    }
+    if takes(ParameterIn::Query) {
+        add("400", &["invalid_query"]);
+    }
+    if operation.request_body.is_some() {
+        add("400", &["invalid_json", "invalid_body"]);
+        add("408", &["request_timeout"]);
+        add("413", &["body_too_large"]);
+        add("415", &["unsupported_media_type"]);
+        add("422", &["invalid_scene"]);
+    }
+    problems
+}
+
+fn problem(codes: &[&str]) -> RefOr<Response> {
+    let codes: Vec<String> = codes.iter().map(|code| format!("`{code}`")).collect();
+    let schema = RefOr::Ref(Ref::from_schema_name("Problem"));
+    let content = ContentBuilder::new().schema(Some(schema)).build();
+    RefOr::T(ResponseBuilder::new().description(codes.join(", ")).content(PROBLEM, content).build())
+}

@@ -1,0 +1,95 @@
+//! Conditional requests and byte ranges (RFC 9110 §13, §14).
+
+use std::ops::Range;
+
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+
+/// What a request asks for of a file.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Selection {
+    Whole,
+    Part(Range<u64>),
+    Unsatisfiable,
+}
+
+/// Reads a `Range` header for a file of `length` bytes. A server may answer with the whole file whatever is asked: this
+/// one does for several ranges at once, for units other than bytes, and for headers out of form.
+pub fn select(range: Option<&HeaderValue>, length: u64) -> Selection {
+    let Some(spec) = range.and_then(|value| value.to_str().ok()).and_then(|value| value.strip_prefix("bytes=")) else {
+        return Selection::Whole;
+    };
+    let Some((first, last)) = spec.split_once('-') else { return Selection::Whole };
+    let number = |text: &str| {
+        let text = text.trim();
+        text.bytes().all(|byte| byte.is_ascii_digit()).then(|| text.parse::<u64>().ok()).flatten()
+    };
+    match (first.trim().is_empty(), last.trim().is_empty()) {
+        (false, false) => match (number(first), number(last)) {
+            (Some(first), Some(last)) if first <= last => part(first, last.saturating_add(1), length),
+            _ => Selection::Whole,
+        },
+        (false, true) => number(first).map_or(Selection::Whole, |first| part(first, length, length)),
+        (true, false) => match number(last) {
+            Some(0) => Selection::Unsatisfiable,
+            Some(n) => part(length.saturating_sub(n), length, length),
+            None => Selection::Whole,
+        },
+        (true, true) => Selection::Whole,
+    }
+}
+
+fn part(start: u64, end: u64, length: u64) -> Selection {
+    if start < length { Selection::Part(start..end.min(length)) } else { Selection::Unsatisfiable }
+}
+
+/// True when a list of entity tags (`If-None-Match`) has `tag`, or is `*`.
+pub fn entity_tag_matches(header: Option<&HeaderValue>, tag: &str) -> bool {
+    let Some(list) = header.and_then(|value| value.to_str().ok()) else { return false };
+    list.split(',').map(str::trim).any(|given| given == "*" || given.trim_start_matches("W/") == tag)
+}
+
+pub fn not_modified(tag: &str) -> Response {
+    (StatusCode::NOT_MODIFIED, [(header::ETAG, tag)]).into_response()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges() {
+        use Selection::*;
+        let cases: &[(&str, Selection)] = &[
+            ("bytes=0-0", Part(0..1)),
+            ("bytes=2-5", Part(2..6)),
+            ("bytes=2-", Part(2..10)),
+            ("bytes=-3", Part(7..10)),
+            ("bytes=-30", Part(0..10)),
+            ("bytes=2-99999999999", Part(2..10)),
+            ("bytes=0-18446744073709551615", Part(0..10)),
+            ("bytes=10-", Unsatisfiable),
+            ("bytes=10-12", Unsatisfiable),
+            ("bytes=-0", Unsatisfiable),
+            ("bytes=5-2", Whole),
+            ("bytes=0-1,4-5", Whole),
+            ("bytes=-", Whole),
+            ("bytes=a-b", Whole),
+            ("bytes=+1-2", Whole),
+            ("bytes", Whole),
+            ("lines=0-1", Whole),
+        ];
+        for (header, expected) in cases {
+            assert_eq!(select(Some(&HeaderValue::from_static(header)), 10), *expected, "{header}");
+        }
+        assert_eq!(select(None, 10), Whole);
+        assert_eq!(select(Some(&HeaderValue::from_static("bytes=-1")), 0), Unsatisfiable);
+    }
+
+    #[test]
+    fn entity_tags() {
+        let matches = |header| entity_tag_matches(Some(&HeaderValue::from_static(header)), "\"a\"");
+        assert!(matches("\"a\"") && matches("\"b\", \"a\"") && matches("W/\"a\"") && matches("*"));
+        assert!(!matches("\"b\"") && !matches("a") && !entity_tag_matches(None, "\"a\""));
+    }
+}

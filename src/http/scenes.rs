@@ -1,0 +1,59 @@
+//! Scenes: are they valid, what do they cost, and what may be in them?
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::header;
+use axum::response::IntoResponse;
+use serde_json::Value;
+use tokio::time::timeout;
+
+use super::dto::ValidScene;
+use super::extract::JsonBody;
+use super::problem::{Code, Problem, internal};
+use super::state::Api;
+use crate::jobs::admission::{Admitted, admit};
+use crate::scene;
+
+/// Judges a scene without running it: what it costs, or all its faults. The body is the scene document itself.
+#[utoipa::path(post, path = "/v1/scenes:validate", tag = "scenes",
+    request_body(content = Object, description = "A scene; its JSON Schema is at `/v1/schema/scene`"),
+    responses((status = 200, body = ValidScene)))]
+pub async fn validate(
+    State(api): State<Api>,
+    JsonBody(document): JsonBody<Value>,
+) -> Result<Json<ValidScene>, Problem> {
+    let estimate =
+        judge(&api, document, Vec::new(), "", |admitted| scene::estimate::estimate(&admitted.problem)).await?;
+    Ok(Json(ValidScene { valid: true, estimate: serde_json::to_value(estimate).map_err(internal)? }))
+}
+
+/// Judges a scene beside the runtime, a bounded number at a time, and passes what can run to `with`.
+pub async fn judge<T: Send + 'static>(
+    api: &Api,
+    document: Value,
+    overrides: Vec<String>,
+    pointer: &str,
+    with: impl FnOnce(Admitted) -> T + Send + 'static,
+) -> Result<T, Problem> {
+    let waiting = timeout(api.config.validation_wait, api.validations.clone().acquire_owned());
+    let permit = match waiting.await {
+        Ok(permit) => permit.map_err(internal)?,
+        Err(_) => {
+            return Err(Problem::new(Code::Overloaded, "too many scenes wait to be judged").retry_after(10));
+        }
+    };
+    let limits = api.config.limits;
+    let judged = tokio::task::spawn_blocking(move || {
+        // Held here, not by the request: a client that goes away does not make the work cheaper.
+        let _permit = permit;
+        admit(document, &overrides, &limits).map(with)
+    });
+    judged.await.map_err(internal)?.map_err(|faults| Problem::faults(faults, pointer))
+}
+
+/// The JSON Schema of scenes.
+#[utoipa::path(get, path = "/v1/schema/scene", tag = "scenes",
+    responses((status = 200, body = Object, content_type = "application/schema+json")))]
+pub async fn schema() -> impl IntoResponse {
+    ([(header::CONTENT_TYPE, "application/schema+json")], scene::schema::json_schema())
+}

@@ -1,0 +1,101 @@
+//! A server: store, worker and API together, from start to graceful end.
+
+use std::future::Future;
+use std::io;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::net::TcpListener;
+use tokio::sync::oneshot;
+
+use super::router::router;
+use super::state::{Api, Config};
+use crate::jobs::{OpenDevices, Worker};
+use crate::store::{DataDir, JobStore, StoreError};
+
+/// How long open connections may go on after the end was asked for; downloads are cut off then.
+const DRAIN: Duration = Duration::from_secs(2);
+/// How long the worker may take to put its job back.
+const WORKER_PATIENCE: Duration = Duration::from_secs(5);
+
+/// What a server is to do.
+pub struct Options {
+    pub listen: SocketAddr,
+    pub data_dir: PathBuf,
+    /// Accept a `listen` address that others can reach, although nobody is asked for a key.
+    pub insecure_no_auth: bool,
+    pub config: Config,
+    pub devices: OpenDevices,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    #[error(
+        "--listen {0} is open to other machines, and this server asks nobody for a key: anyone who can reach it could run \
+         and delete jobs. Listen on a loopback address (127.0.0.1), put a proxy that authenticates in front of it, or, where \
+         the network itself keeps strangers out, pass --insecure-no-auth"
+    )]
+    OpenToStrangers(SocketAddr),
+    #[error("cannot listen on {address}: {error}; choose another --listen address")]
+    Listen { address: SocketAddr, error: io::Error },
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error("serving failed: {0}")]
+    Serve(io::Error),
+}
+
+impl ServeError {
+    /// True when other options would help.
+    pub fn is_bad_input(&self) -> bool {
+        matches!(self, Self::OpenToStrangers(_) | Self::Listen { .. } | Self::Store(StoreError::Locked { .. }))
+    }
+}
+
+/// Serves until `shutdown` resolves, then ends gracefully: no new connections, the running job back in the queue.
+/// `listening` is told the address once requests are taken.
+pub async fn serve(
+    options: Options,
+    listening: impl FnOnce(SocketAddr),
+    shutdown: impl Future<Output = ()> + Send + 'static,
+) -> Result<(), ServeError> {
+    let Options { listen, data_dir, insecure_no_auth, config, devices } = options;
+    if !listen.ip().is_loopback() {
+        if !insecure_no_auth {
+            return Err(ServeError::OpenToStrangers(listen));
+        }
+        tracing::warn!("{listen} is open to other machines and nobody is asked for a key (--insecure-no-auth)");
+    }
+    let data = Arc::new(DataDir::open(&data_dir)?);
+    let store = JobStore::open(&data.database()).await?;
+    let listener = TcpListener::bind(listen).await.map_err(|error| ServeError::Listen { address: listen, error })?;
+    let address = listener.local_addr().map_err(ServeError::Serve)?;
+    let worker = Worker::start(store.clone(), data.clone(), config.limits, devices).await?;
+    let app = router(Api::new(store.clone(), data, worker.shared(), config));
+
+    let (asked, end) = oneshot::channel();
+    let server = tokio::spawn(
+        axum::serve(listener, app)
+            .with_graceful_shutdown(async move {
+                shutdown.await;
+                tracing::info!("shutting down");
+                // The receiver is gone only when serving has ended by itself.
+                let _ = asked.send(());
+            })
+            .into_future(),
+    );
+    listening(address);
+    let abort = server.abort_handle();
+    // Ends with `Ok` when asked to, with `Err` when serving ended by itself and dropped the sender.
+    let by_request = end.await.is_ok();
+    worker.shared().stop();
+    let served = tokio::time::timeout(DRAIN, server).await;
+    abort.abort();
+    worker.stop(WORKER_PATIENCE).await;
+    store.close().await;
+    match served {
+        Ok(Ok(Err(error))) if !by_request => Err(ServeError::Serve(error)),
+        _ => Ok(()),
+    }
+}

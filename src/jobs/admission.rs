@@ -1,0 +1,27 @@
+//! From what a client sends to a problem that can run, or all its faults at once.
+
+use serde_json::Value;
+
+use crate::scene::{self, Fault, Limits, Scene, overrides};
+use crate::sim::problem::Problem;
+
+/// A scene found valid.
+pub struct Admitted {
+    /// The document with overrides applied.
+    pub document: String,
+    pub scene: Scene,
+    pub problem: Problem,
+}
+
+/// Applies `overrides` (each `path=value`) to a scene document and judges the result.
+pub fn admit(mut document: Value, overrides: &[String], limits: &Limits) -> Result<Admitted, Vec<Fault>> {
+    let faults: Vec<Fault> =
+        overrides.iter().filter_map(|assignment| overrides::apply(&mut document, assignment).err()).collect();
+    if !faults.is_empty() {
+        return Err(faults);
+    }
+    let document = document.to_string();
+    let scene = scene::parse(&document)?;
+    let problem = scene::problem(&scene, limits)?;
+    Ok(Admitted { document, scene, problem })
+}

@@ -1,0 +1,237 @@
+//! Every accepted job ends in a terminal state: run, failed, canceled, and across crashes and shutdowns.
+
+use std::collections::BTreeSet;
+
+use serde_json::{Value, json};
+
+use crate::support::{Server, endless, scene, short};
+
+/// Long enough to be caught in the middle.
+fn medium() -> Value {
+    scene(10.0)
+}
+
+#[test]
+fn a_job_runs_from_submission_to_success() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    assert_eq!(server.get("/livez").json()["status"], "live");
+
+    let answer = server.post_json("/v1/jobs", &json!({ "scene": short(), "name": "first" }));
+    assert_eq!(answer.status, 202);
+    let submitted = answer.json();
+    let path = answer.header("location").to_owned();
+    assert_eq!(path, format!("/v1/jobs/{}", submitted["id"].as_str().unwrap()));
+    assert_eq!((&submitted["name"], &submitted["attempt"]), (&json!("first"), &json!(0)));
+    assert_eq!(submitted["particles"], 64);
+
+    let job = server.wait_for(&path, "succeeded");
+    let progress = &job["progress"];
+    assert_eq!((&progress["frames_written"], &progress["frames"]), (&json!(6), &json!(6)));
+    assert_eq!((&progress["fraction"], &progress["eta_s"]), (&json!(1.0), &Value::Null));
+    assert!((progress["sim_time"].as_f64().unwrap() - 0.05).abs() < 1e-12, "{progress}");
+    assert!(progress["step"].as_u64().unwrap() > 0);
+    assert!(progress["particle_steps_per_s"].as_f64().unwrap() > 0.0);
+    assert_eq!((&job["attempt"], &job["queue_position"], &job["failure"]), (&json!(1), &Value::Null, &Value::Null));
+    assert_eq!(job["backend"]["kind"], "cpu");
+    assert!(!job["backend"]["reason"].as_str().unwrap().is_empty());
+    let time = |name: &str| job[name].as_str().unwrap().parse::<jiff::Timestamp>().unwrap();
+    assert!(time("created_at") <= time("started_at") && time("started_at") <= time("finished_at"));
+    assert_eq!(server.get("/readyz").status, 200);
+}
+
+#[test]
+fn a_job_unchanged_is_not_sent_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let path = server.submit(short());
+    server.wait_for(&path, "succeeded");
+    let tag = server.get(&path).header("etag").to_owned();
+    let again = server.call("GET", &path, &[("if-none-match", &tag)], "");
+    assert_eq!((again.status, again.body.len()), (304, 0));
+    assert_eq!(server.call("GET", &path, &[("if-none-match", "\"other\"")], "").status, 200);
+}
+
+#[test]
+fn overrides_change_the_scene_and_a_repeated_request_makes_one_job() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let body = json!({ "scene": short(), "overrides": { "time.end": 0.02, "solver.kernel": "quadratic" } }).to_string();
+    let headers = [("content-type", "application/json"), ("idempotency-key", "k-1")];
+    let first = server.call("POST", "/v1/jobs", &headers, body.clone());
+    let again = server.call("POST", "/v1/jobs", &headers, body);
+    assert_eq!((first.status, again.status), (202, 202));
+    assert_eq!(first.json()["id"], again.json()["id"]);
+    assert_eq!(first.json()["progress"]["frames"], 3);
+    let other = server.call("POST", "/v1/jobs", &headers, json!({ "scene": short() }).to_string());
+    assert_eq!((other.status, &other.json()["code"]), (422, &json!("idempotency_key_reused")));
+    server.wait_for(first.header("location"), "succeeded");
+}
+
+#[test]
+fn the_example_request_runs() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let body = include_str!("../../api/examples/submit-job.json");
+    let answer = server.call("POST", "/v1/jobs", &[("content-type", "application/json")], body);
+    assert_eq!((answer.status, &answer.json()["name"]), (202, &json!("my first job")));
+    server.wait_for(answer.header("location"), "succeeded");
+}
+
+#[test]
+fn a_running_job_is_canceled_and_keeps_its_recording() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let (running, waiting) = (server.submit(endless()), server.submit(short()));
+    server.wait_for_frames(&running, 3);
+    assert_eq!(server.job(&waiting)["queue_position"], 1);
+
+    let canceled = server.call("POST", &format!("{waiting}/cancel"), &[], "");
+    assert_eq!((canceled.status, &canceled.json()["status"]), (200, &json!("canceled")));
+    let asked = server.call("POST", &format!("{running}/cancel"), &[], "");
+    assert_eq!((asked.status, &asked.json()["cancel_requested"]), (202, &json!(true)));
+    let job = server.wait_for(&running, "canceled");
+    assert!(job["finished_at"].is_string());
+    let again = server.call("POST", &format!("{running}/cancel"), &[], "");
+    assert_eq!((again.status, again.json()), (200, job.clone()));
+
+    let frames = frames_of(&server.get(&format!("{running}/recording.mcap")).body);
+    assert_eq!(job["progress"]["frames_written"], frames);
+
+    // The worker goes on with the next job.
+    server.wait_for(&server.submit(short()), "succeeded");
+}
+
+#[test]
+fn only_jobs_that_have_ended_are_deleted_and_their_files_go_with_them() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let path = server.submit(short());
+    server.wait_for(&path, "succeeded");
+    let file = server.file(&path, "recording.mcap");
+    assert!(file.exists());
+    assert_eq!(server.call("DELETE", &path, &[], "").status, 204);
+    assert_eq!(server.get(&path).status, 404);
+    assert!(!file.parent().unwrap().exists());
+}
+
+#[test]
+fn lists_are_filtered_and_paged() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let paths: Vec<String> = (0..5).map(|_| server.submit(short())).collect();
+    paths.iter().for_each(|path| drop(server.wait_for(path, "succeeded")));
+    let (mut seen, mut query) = (Vec::new(), "/v1/jobs?limit=2&status=succeeded".to_owned());
+    loop {
+        let page = server.get(&query).json();
+        seen.extend(
+            page["jobs"].as_array().unwrap().iter().map(|job| format!("/v1/jobs/{}", job["id"].as_str().unwrap())),
+        );
+        let Some(cursor) = page["next_cursor"].as_str() else { break };
+        query = format!("/v1/jobs?limit=2&status=succeeded&cursor={cursor}");
+    }
+    seen.reverse();
+    assert_eq!(seen, paths);
+    assert_eq!(server.get("/v1/jobs?status=failed").json()["jobs"], json!([]));
+}
+
+#[test]
+fn after_a_crash_the_running_job_runs_again_the_queued_ones_run_and_the_finished_ones_are_there() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let finished = server.submit(short());
+    let finished_job = server.wait_for(&finished, "succeeded");
+    let recording = server.get(&format!("{finished}/recording.mcap")).body;
+    let (running, queued) = (server.submit(medium()), server.submit(short()));
+    server.wait_for_frames(&running, 2);
+    server.kill();
+
+    let server = Server::start(dir.path());
+    assert_eq!(server.job(&finished), finished_job);
+    assert_eq!(server.get(&format!("{finished}/recording.mcap")).body, recording);
+    let again = server.wait_for(&running, "succeeded");
+    assert_eq!(again["attempt"], 2);
+    assert_eq!(again["progress"]["frames_written"], 1001);
+    assert_eq!(frames_of(&server.get(&format!("{running}/recording.mcap")).body), 1001);
+    let after = server.wait_for(&queued, "succeeded");
+    assert_eq!(after["attempt"], 1);
+    // It kept its place: the queued job came after it.
+    assert!(again["finished_at"].as_str() <= after["started_at"].as_str());
+}
+
+#[test]
+fn a_job_that_is_running_at_two_crashes_fails_and_keeps_its_recording() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let job = server.submit(endless());
+    server.wait_for_frames(&job, 2);
+    server.kill();
+    let server = Server::start(dir.path());
+    server.wait_until(&job, "the second attempt", |job| {
+        job["attempt"] == 2 && job["progress"]["frames_written"].as_u64() >= Some(2)
+    });
+    server.kill();
+    let server = Server::start(dir.path());
+    let failed = server.job(&job);
+    assert_eq!((&failed["status"], &failed["failure"]["code"]), (&json!("failed"), &json!("crashed")));
+    assert!(frames_of(&server.get(&format!("{job}/recording.mcap")).body) >= 2);
+    server.wait_for(&server.submit(short()), "succeeded");
+}
+
+#[cfg(unix)]
+#[test]
+fn sigterm_puts_the_running_job_back_and_is_not_held_against_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let job = {
+        let server = Server::start(dir.path());
+        let job = server.submit(endless());
+        server.wait_for_frames(&job, 2);
+        assert!(server.terminate().success());
+        job
+    };
+    // Twice more than crashes are forgiven.
+    for attempt in 2..=4 {
+        let server = Server::start(dir.path());
+        server.wait_until(&job, "the next attempt", |job| {
+            job["attempt"] == attempt && job["progress"]["frames_written"].as_u64() >= Some(2)
+        });
+        assert!(server.terminate().success());
+    }
+    let server = Server::start(dir.path());
+    server.wait_for_frames(&job, 1);
+    server.call("POST", &format!("{job}/cancel"), &[], "");
+    server.wait_for(&job, "canceled");
+}
+
+#[test]
+fn metrics_count_jobs_without_naming_them() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let job = server.submit(short());
+    server.wait_for(&job, "succeeded");
+    server.get("/nothing/at/all");
+    let answer = server.get("/metrics");
+    assert!(answer.header("content-type").starts_with("application/openmetrics-text"));
+    let text = String::from_utf8(answer.body).unwrap();
+    let lines: BTreeSet<&str> = text.lines().collect();
+    for line in [
+        "gridfall_jobs{status=\"succeeded\"} 1",
+        "gridfall_jobs{status=\"queued\"} 0",
+        "gridfall_jobs_ended_total{status=\"succeeded\"} 1",
+        "gridfall_frames_total 6",
+        "gridfall_http_requests_total{method=\"POST\",route=\"/v1/jobs\",status=\"202\"} 1",
+        "gridfall_http_requests_total{method=\"GET\",route=\"unmatched\",status=\"404\"} 1",
+        "# EOF",
+    ] {
+        assert!(lines.contains(line), "{line:?} is not in\n{text}");
+    }
+    assert!(!text.contains(job.rsplit('/').next().unwrap()), "a label has a job's id");
+}
+
+/// Frames in a recording, by its index; the summary must be whole.
+pub fn frames_of(recording: &[u8]) -> u64 {
+    let summary = mcap::Summary::read(recording).unwrap().expect("a recording has a summary");
+    let statistics = summary.stats.expect("a recording has statistics");
+    let diagnostics = summary.channels.values().find(|channel| channel.topic == "/diagnostics").unwrap();
+    statistics.channel_message_counts.get(&diagnostics.id).copied().unwrap_or(0)
+}

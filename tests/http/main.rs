@@ -1,0 +1,7 @@
+//! The server as its users meet it: a process, a port and HTTP.
+
+mod errors;
+mod lifecycle;
+mod openapi;
+mod outputs;
+mod support;
