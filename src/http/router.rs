@@ -7,7 +7,7 @@ use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::cors::{Any, CorsLayer};
 use utoipa::OpenApi;
 use utoipa::openapi::OpenApi as Document;
-use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::router::{OpenApiRouter, UtoipaMethodRouter};
 use utoipa_axum::routes;
 
 use super::openapi::{self, Description};
@@ -25,13 +25,9 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         .routes(routes!(jobs::cancel))
         // /v1/jobs/{id}/diagnostics
         .routes(routes!(outputs::diagnostics))
-        // /v1/jobs/{id}/recording.mcap, /v1/jobs/{id}/thumbnail.png: read by viewers in browsers
-        .merge(
-            OpenApiRouter::new()
-                .routes(routes!(outputs::recording))
-                .routes(routes!(outputs::thumbnail))
-                .route_layer(viewers_cors()),
-        )
+        // /v1/jobs/{id}/recording.mcap, /v1/jobs/{id}/thumbnail.png
+        .routes(for_viewers(routes!(outputs::recording)))
+        .routes(for_viewers(routes!(outputs::thumbnail)))
         // /v1/scenes:validate
         .routes(routes!(scenes::validate))
         // /v1/schema/scene
@@ -62,6 +58,11 @@ pub fn router(api: Api) -> Router {
 }
 
 /// Lets pages from anywhere read what viewers show, by ranges. The rest of the API is not for other origins' scripts.
+fn for_viewers((schemas, paths, route): UtoipaMethodRouter<Api>) -> UtoipaMethodRouter<Api> {
+    // The fallback must be inside the layer: it is what browsers' preflight requests would meet.
+    (schemas, paths, route.fallback(layers::method_not_allowed).layer(viewers_cors()))
+}
+
 fn viewers_cors() -> CorsLayer {
     CorsLayer::new()
         .allow_origin(Any)

@@ -70,6 +70,9 @@ fn viewers_in_browsers_may_read_recordings_and_nothing_else() {
         for name in ["accept-ranges", "content-length", "content-range", "etag"] {
             assert!(exposed.contains(name), "{name} is not exposed: {exposed}");
         }
+        let answer = server.call("PUT", &path, &[origin], "x");
+        assert_eq!((answer.status, &answer.json()["code"]), (405, &json!("method_not_allowed")));
+        assert!(answer.header("allow").contains("GET"), "{}", answer.header("allow"));
     }
     // A page elsewhere must not run jobs here: the browser asks first, and is not allowed.
     let preflight =
