@@ -78,6 +78,10 @@ impl EngineSource for Fakes {
         };
         Ok(Box::new(Fake { backend, particles: problem.particles.clone(), frame: 0, fate: self.fates[n] }))
     }
+
+    fn describe(&self) -> String {
+        "fakes".into()
+    }
 }
 
 /// A worker on a fresh data directory whose engines meet these fates, and how often its devices were opened.
@@ -206,7 +210,7 @@ async fn jobs_wait_for_a_device_that_comes_late() {
         .await;
     assert!(reason.contains("not there yet"), "{reason}");
     assert_eq!(bench.ended(id).await.status, Status::Succeeded);
-    assert_eq!(shared.device(), DeviceState::Ready);
+    assert_eq!(shared.device(), DeviceState::Ready("fakes".into()));
     bench.worker.stop(Duration::from_secs(60)).await;
     assert_eq!(shared.device(), DeviceState::Stopped);
 }

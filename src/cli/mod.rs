@@ -1,5 +1,7 @@
 //! The command line: arguments, progress and exit codes. One file a command.
 
+mod adapters;
+mod bench;
 mod demo;
 mod device;
 mod interrupt;
@@ -27,6 +29,8 @@ enum Command {
     Serve(serve::Arguments),
     Run(run::Arguments),
     Demo(demo::Arguments),
+    Adapters(adapters::Arguments),
+    Bench(bench::Arguments),
     Schema(schema::Arguments),
 }
 
@@ -36,6 +40,8 @@ impl Command {
             Self::Serve(arguments) => serve::execute(arguments),
             Self::Run(arguments) => run::execute(arguments),
             Self::Demo(arguments) => demo::execute(arguments),
+            Self::Adapters(arguments) => adapters::execute(arguments),
+            Self::Bench(arguments) => bench::execute(arguments),
             Self::Schema(arguments) => schema::execute(arguments),
         }
     }

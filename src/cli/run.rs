@@ -13,9 +13,9 @@ use super::device::DeviceArguments;
 use super::{CliError, interrupt};
 use crate::backend::Devices;
 use crate::engine::{Backend, Control, EngineError};
-use crate::jobs::admission::{Admitted, admit};
 use crate::run::{self, FrameReport, Observer, Outputs, RunError};
-use crate::scene::Limits;
+use crate::scene::{self, Limits, Scene};
+use crate::sim::problem::Problem;
 
 /// Run a scene here, without a server, and write its recording.
 #[derive(Debug, Args)]
@@ -42,7 +42,7 @@ pub struct Arguments {
 }
 
 pub fn execute(arguments: Arguments) -> Result<(), CliError> {
-    let Admitted { scene, mut problem, .. } = load(&arguments.scene, &arguments.overrides)?;
+    let (scene, mut problem) = load(&arguments.scene, &arguments.overrides)?;
     if let Some(frames) = arguments.frames {
         problem.frames = problem.frames.min(frames);
     }
@@ -99,14 +99,14 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
 }
 
 /// Reads and judges a scene file.
-pub fn load(path: &Path, overrides: &[String]) -> Result<Admitted, CliError> {
+pub fn load(path: &Path, overrides: &[String]) -> Result<(Scene, Problem), CliError> {
     let name = if path == Path::new("-") { "standard input".to_owned() } else { path.display().to_string() };
     let text =
         if path == Path::new("-") { std::io::read_to_string(std::io::stdin()) } else { std::fs::read_to_string(path) };
     let text = text.map_err(|error| CliError::BadInput(format!("cannot read {name}: {error}")))?;
-    let document =
-        serde_json::from_str(&text).map_err(|error| CliError::BadInput(format!("{name} is not JSON: {error}")))?;
-    admit(document, overrides, &Limits::default()).map_err(|faults| CliError::Faults { scene: name, faults })
+    let scene = scene::parse_with(&text, overrides);
+    let judged = scene.and_then(|scene| scene::problem(&scene, &Limits::default()).map(|problem| (scene, problem)));
+    judged.map_err(|faults| CliError::Faults { scene: name, faults })
 }
 
 fn default_output(scene: &Path) -> PathBuf {

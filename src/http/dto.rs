@@ -156,8 +156,57 @@ pub struct Diagnostics {
 #[derive(Debug, Serialize, ToSchema)]
 pub struct ValidScene {
     pub valid: bool,
-    #[schema(value_type = Object)]
-    pub estimate: serde_json::Value,
+    pub estimate: Estimate,
+}
+
+/// What a run will cost, from its state at time 0.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Estimate {
+    pub particles: u64,
+    /// Cells of the domain on each axis.
+    pub cells: [usize; 3],
+    /// Active blocks of 4³ cells (2D: 4²).
+    pub blocks: u64,
+    /// Host memory of a run on the CPU.
+    pub host_memory_bytes: u64,
+    /// Device memory of a run on a GPU; null when GPUs cannot run the scene.
+    #[schema(required)]
+    pub device_memory_bytes: Option<u64>,
+    /// Step at time 0 (s).
+    pub dt_s: f64,
+    /// Stable name of the rule that set the step.
+    pub dt_bound: &'static str,
+    /// The same in words, and what would lengthen the step.
+    pub dt_reason: String,
+    pub steps_per_frame: u64,
+    /// Frames in the recording, frame 0 included.
+    pub frames: u64,
+    /// Steps of the whole run, if the step stays as it is.
+    pub steps: u64,
+    /// Particles times steps, which run time is proportional to.
+    pub particle_steps: f64,
+    /// Simulated time at the end (s).
+    pub end_time: f64,
+}
+
+impl From<scene::estimate::Estimate> for Estimate {
+    fn from(estimate: scene::estimate::Estimate) -> Self {
+        Self {
+            particles: estimate.particles,
+            cells: estimate.cells,
+            blocks: estimate.blocks,
+            host_memory_bytes: estimate.host_memory_bytes,
+            device_memory_bytes: estimate.device_memory_bytes,
+            dt_s: estimate.dt_s,
+            dt_bound: estimate.dt_bound,
+            dt_reason: estimate.dt_reason,
+            steps_per_frame: estimate.steps_per_frame,
+            frames: u64::from(estimate.frames) + 1,
+            steps: estimate.steps,
+            particle_steps: estimate.particle_steps,
+            end_time: estimate.simulated_s,
+        }
+    }
 }
 
 /// Proof of life.

@@ -32,7 +32,7 @@ pub async fn readyz(State(api): State<Api>) -> Result<Json<Ready>, Problem> {
         detail: if stopped { "the worker has ended; restart the server" } else { "the worker runs" }.into(),
     };
     let device = match device {
-        DeviceState::Ready => Check { name: "device", ok: true, detail: "the devices are open".into() },
+        DeviceState::Ready(what) => Check { name: "device", ok: true, detail: what },
         DeviceState::Opening => Check { name: "device", ok: false, detail: "the devices are being opened".into() },
         DeviceState::Unusable(reason) => Check { name: "device", ok: false, detail: reason },
         DeviceState::Stopped => Check { name: "device", ok: false, detail: "the devices are closed".into() },

@@ -24,7 +24,7 @@ pub async fn validate(
 ) -> Result<Json<ValidScene>, Problem> {
     let estimate =
         judge(&api, document, Vec::new(), "", |admitted| scene::estimate::estimate(&admitted.problem)).await?;
-    Ok(Json(ValidScene { valid: true, estimate: serde_json::to_value(estimate).map_err(internal)? }))
+    Ok(Json(ValidScene { valid: true, estimate: estimate.into() }))
 }
 
 /// Judges a scene beside the runtime, a bounded number at a time, and passes what can run to `with`.

@@ -20,8 +20,7 @@ pub fn admit(mut document: Value, overrides: &[String], limits: &Limits) -> Resu
     if !faults.is_empty() {
         return Err(faults);
     }
-    let document = document.to_string();
-    let scene = scene::parse(&document)?;
+    let scene = scene::from_value(&document)?;
     let problem = scene::problem(&scene, limits)?;
-    Ok(Admitted { document, scene, problem })
+    Ok(Admitted { document: document.to_string(), scene, problem })
 }

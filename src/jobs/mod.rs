@@ -24,11 +24,21 @@ use crate::store::Status;
 pub trait EngineSource {
     /// Loads a problem on the device that suits it.
     fn engine(&self, problem: &Problem) -> Result<Box<dyn Engine>, EngineError>;
+
+    /// What is open, and why, for people.
+    fn describe(&self) -> String;
 }
 
 impl EngineSource for Devices {
     fn engine(&self, problem: &Problem) -> Result<Box<dyn Engine>, EngineError> {
         Devices::engine(self, problem)
+    }
+
+    fn describe(&self) -> String {
+        match self.gpu() {
+            Some(gpu) => format!("{}: {}", gpu.backend(self.reason()).device, self.reason()),
+            None => format!("the CPU: {}", self.reason()),
+        }
     }
 }
 
@@ -39,7 +49,8 @@ pub type OpenDevices = Box<dyn Fn() -> Result<Box<dyn EngineSource>, EngineError
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DeviceState {
     Opening,
-    Ready,
+    /// What is open, and why.
+    Ready(String),
     /// No device could be opened, and why; it is tried again.
     Unusable(String),
     /// The worker has ended.

@@ -130,7 +130,7 @@ impl Context {
         self.shared.set_device(DeviceState::Opening);
         let reason = match catch_unwind(AssertUnwindSafe(open)) {
             Ok(Ok(source)) => {
-                self.shared.set_device(DeviceState::Ready);
+                self.shared.set_device(DeviceState::Ready(source.describe()));
                 return Some(source);
             }
             Ok(Err(error)) => error.to_string(),
