@@ -14,7 +14,7 @@ use crate::sim::collider::{Collider, Motion, Primitive, Sdf, SdfOp};
 use crate::sim::problem::Problem;
 
 /// Cells along the longest side of a meshed collider.
-const RESOLUTION: usize = 96;
+const RESOLUTION: usize = 64;
 
 /// All shapes at time 0.
 pub fn scene(problem: &Problem, timestamp: Timestamp) -> SceneUpdate {

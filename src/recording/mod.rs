@@ -16,7 +16,7 @@ mod writer;
 use std::io;
 use std::path::{Path, PathBuf};
 
-pub use picture::thumbnail;
+pub use picture::{Camera, thumbnail};
 pub use recovery::{Snapshot, recover, snapshot};
 pub use writer::{Header, Severity, Writer};
 

@@ -6,7 +6,7 @@ use crate::sim::problem::{Material, Problem};
 pub type Rgb = [f32; 3];
 
 /// Hues (sRGB) for fluids and for solids, in the order in which a scene's bodies take them.
-const FLUIDS: [[u8; 3]; 3] = [[0x1b, 0x6f, 0xd8], [0x12, 0x9a, 0x9e], [0x6a, 0x5a, 0xd6]];
+const FLUIDS: [[u8; 3]; 3] = [[0x16, 0x62, 0xb4], [0x10, 0x88, 0x90], [0x58, 0x4c, 0xc0]];
 const SOLIDS: [[u8; 3]; 7] = [
     [0xe8, 0x5d, 0x3a],
     [0x2a, 0x9d, 0x8f],
@@ -19,8 +19,8 @@ const SOLIDS: [[u8; 3]; 7] = [
 
 /// Colours of a problem's bodies.
 pub struct Palette {
-    /// Base colour, colour at full speed.
-    bodies: Vec<[Rgb; 2]>,
+    /// Base colour, colour at full speed, gloss.
+    bodies: Vec<([Rgb; 2], f32)>,
     /// Speed at which the second colour is reached (m/s); fixed for the run, so that colours do not flicker.
     full_speed_m_s: f64,
 }
@@ -29,21 +29,26 @@ impl Palette {
     pub fn new(problem: &Problem) -> Self {
         let (mut fluids, mut solids) = (FLUIDS.iter().cycle(), SOLIDS.iter().cycle());
         let bodies = problem.bodies.iter().map(|body| {
-            let (hue, lightening) = match problem.materials[body.material] {
-                Material::WeaklyCompressibleFluid(_) => (fluids.next(), 0.75),
-                _ => (solids.next(), 0.35),
+            let (hue, lightening, gloss) = match problem.materials[body.material] {
+                Material::WeaklyCompressibleFluid(_) => (fluids.next(), 0.75, 0.7),
+                _ => (solids.next(), 0.35, 0.2),
             };
             let base = hue.expect("a cycle has no end").map(from_srgb);
-            [base, base.map(|c| c + (0.95 - c) * lightening)]
+            ([base, base.map(|c| c + (0.95 - c) * lightening)], gloss)
         });
         Self { bodies: bodies.collect(), full_speed_m_s: characteristic_speed(problem) }
     }
 
     /// Colour of a particle of a body at a speed (m/s).
     pub fn color(&self, body: u32, speed_m_s: f64) -> Rgb {
-        let [base, fast] = self.bodies[body as usize];
+        let ([base, fast], _) = self.bodies[body as usize];
         let t = (speed_m_s / self.full_speed_m_s).clamp(0.0, 1.0) as f32;
         std::array::from_fn(|k| base[k] + (fast[k] - base[k]) * t * t)
+    }
+
+    /// How shiny a body is in pictures, 0 to 1.
+    pub fn gloss(&self, body: u32) -> f32 {
+        self.bodies[body as usize].1
     }
 }
 

@@ -34,12 +34,13 @@ pub fn mesh(distance: impl Fn([f64; 3]) -> f64 + Sync, lower: [f64; 3], upper: [
     let mut vertex_of = vec![u32::MAX; samples.len()];
     for k in 0..samples.len() {
         let i = unindex(k);
-        if (0..3).all(|a| i[a] + 1 < n[a]) {
-            if let Some(offset) = crossing(|corner| samples[index(std::array::from_fn(|a| i[a] + corner[a]))]) {
-                vertex_of[k] = mesh.vertices.len() as u32;
-                let x = at(i);
-                mesh.vertices.push(std::array::from_fn(|a| x[a] + h * offset[a]));
-            }
+        if (0..3).any(|a| i[a] + 1 == n[a]) {
+            continue;
+        }
+        if let Some(offset) = crossing(|corner| samples[index(std::array::from_fn(|a| i[a] + corner[a]))]) {
+            vertex_of[k] = mesh.vertices.len() as u32;
+            let x = at(i);
+            mesh.vertices.push(std::array::from_fn(|a| x[a] + h * offset[a]));
         }
     }
     for k in 0..samples.len() {

@@ -30,8 +30,6 @@ pub const WORLD: &str = "world";
 const CHUNK_BYTES: u64 = 1 << 20;
 /// zstd's output is the same for every number of threads but zero, so this may differ from machine to machine.
 const COMPRESSION_THREADS: u32 = 2;
-/// Size of the `/camera` pictures (pixels).
-const CAMERA_SIZE: [usize; 2] = [640, 360];
 
 /// What a recording says about its run, before the first frame.
 pub struct Header<'a> {
@@ -82,7 +80,7 @@ impl Writer {
         let partial = partial_path(target);
         let file = File::create(&partial).map_err(RecordingError::io("create", &partial))?;
         let points = Points::new(header.problem);
-        let camera = Camera::new(header.problem, CAMERA_SIZE);
+        let camera = Camera::film(header.problem);
         let start = || -> Result<_, McapError> {
             // Without seeking the file only ever grows, so that its prefixes can be read while it is written.
             let options = WriteOptions::new()

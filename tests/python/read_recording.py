@@ -32,7 +32,9 @@ def points(cloud):
     return {name: table[name].tolist() for name in layout.names}
 
 
-def content(topic, message):
+def content(topic, message, raw, brief):
+    if brief:
+        return hashlib.sha256(raw).hexdigest()
     if topic == "/particles":
         return {"frame_id": message.frame_id, "points": points(message)}
     if topic == "/camera":
@@ -52,7 +54,7 @@ def stamp(topic, message):
     return nanoseconds(message.timestamp)
 
 
-def read(path):
+def read(path, brief):
     with open(path, "rb") as stream:
         records = [type(record).__name__ for record in StreamReader(stream, validate_crcs=True).records]
     with open(path, "rb") as stream:
@@ -68,7 +70,7 @@ def read(path):
                 "publish_time": message.publish_time,
                 "stamp": stamp(channel.topic, decoded),
                 "sequence": message.sequence,
-                "content": content(channel.topic, decoded),
+                "content": content(channel.topic, decoded, message.data, brief),
             }
             for schema, channel, message, decoded in reader.iter_decoded_messages()
         ]
@@ -111,5 +113,5 @@ if __name__ == "__main__":
     paths = sys.argv[1:]
     brief = paths[:1] == ["--frames-only"]
     for path in paths[1 if brief else 0 :]:
-        recording = read(path)
+        recording = read(path, brief)
         print(json.dumps(digest(recording) if brief else recording))

@@ -21,7 +21,8 @@ pub fn draw(problem: &Problem, view: &View, balls: &[Ball], time_s: f64) -> Canv
         }
         let [start, _] = view.ray((at % width) as f32, (at / width) as f32);
         let x = [f64::from(start.x), f64::from(start.y), 0.0];
-        let blocked = poses.iter().any(|(sdf, pose)| sdf.distance(pose.to_start(x)) < 0.0);
+        let inside = (0..2).all(|a| start[a] >= view.focus[0][a] && start[a] <= view.focus[1][a]);
+        let blocked = inside && poses.iter().any(|(sdf, pose)| sdf.distance(pose.to_start(x)) < 0.0);
         if blocked { OBSTACLE } else { PAPER }
     };
     let pixels = (0..seen.ball.len()).into_par_iter().map(pixel).collect();

@@ -7,12 +7,10 @@ use super::obstacles::{Obstacle, nearest};
 use super::splat::{Ball, splat};
 use super::view::View;
 
-/// Pixels along each side of the shadow map.
-const MAP_SIZE: usize = 1024;
-/// Samples of the map for a soft shadow.
-const SAMPLES: usize = 16;
+/// Samples for soft shadows and for occlusion.
+pub const SAMPLES: usize = 16;
 /// Radius of the penumbra, as a share of the focus' diagonal.
-const SOFTNESS: f32 = 0.008;
+const SOFTNESS: f32 = 0.013;
 
 /// A directional light with what it sees.
 pub struct Light {
@@ -28,14 +26,15 @@ pub struct Light {
 impl Light {
     /// A light above the camera's left shoulder.
     pub fn new(camera: &View, balls: &[Ball], obstacles: &[Obstacle]) -> Self {
+        let size = camera.shadows;
         let away = V3::new(camera.forward.x, camera.forward.y, 0.0).normalize();
         let toward = (V3::z() * 1.25 - camera.right * 0.55 - away * 0.35).normalize();
         let right = V3::z().cross(&toward).normalize();
-        let view = View::parallel(right, toward.cross(&right), camera.focus, [MAP_SIZE; 2]);
+        let view = View::parallel(right, toward.cross(&right), camera.focus, [size; 2]);
         let mut depth = splat(&view, balls).depth;
         if obstacles.iter().any(|obstacle| !obstacle.translucent) {
             depth.par_iter_mut().enumerate().for_each(|(at, depth)| {
-                let [start, direction] = view.ray((at % MAP_SIZE) as f32, (at / MAP_SIZE) as f32);
+                let [start, direction] = view.ray((at % size) as f32, (at / size) as f32);
                 let opaque = obstacles.iter().filter(|obstacle| !obstacle.translucent);
                 if let Some(hit) = nearest(opaque, start, direction, *depth) {
                     *depth = hit.depth;
@@ -47,23 +46,40 @@ impl Light {
         Self { toward, view, depth, bias: (2.5 * radius).max(0.004 * diagonal), softness: SOFTNESS * diagonal }
     }
 
-    /// Share of the light that reaches a point; `noise` in [0, 1) turns the samples.
-    pub fn reaches(&self, x: &V3, noise: f32) -> f32 {
+    /// Share of the light that reaches a point, sampled at `points` of the unit disc.
+    pub fn reaches(&self, x: &V3, points: &[[f32; 2]; SAMPLES]) -> f32 {
         let [column, row, depth] = self.view.project(x);
+        let size = self.view.size[0];
         let reach = self.softness * self.view.pixels_per_metre(depth);
-        let lit = (0..SAMPLES).filter(|&k| {
-            let [dx, dy] = spiral(k, SAMPLES, noise);
-            let (x, y) = ((column + dx * reach).round(), (row + dy * reach).round());
-            let inside = x >= 0.0 && y >= 0.0 && x < MAP_SIZE as f32 && y < MAP_SIZE as f32;
-            !inside || self.depth[y as usize * MAP_SIZE + x as usize] > depth - self.bias
+        let lit = points.iter().filter(|[dx, dy]| {
+            // Casts clamp to the map's edge, and are faster than rounding.
+            let (x, y) = ((column + dx * reach) as usize, (row + dy * reach) as usize);
+            x >= size || y >= size || self.depth[y * size + x] > depth - self.bias
         });
         lit.count() as f32 / SAMPLES as f32
     }
 }
 
-/// The k-th of n points of a sunflower spiral in the unit disc (Vogel 1979), turned by `turn` of a circle.
-pub fn spiral(k: usize, n: usize, turn: f32) -> [f32; 2] {
-    let radius = ((k as f32 + 0.5) / n as f32).sqrt();
-    let angle = 2.399_963_2 * k as f32 + std::f32::consts::TAU * turn;
-    [radius * angle.cos(), radius * angle.sin()]
+/// Points of a sunflower spiral in the unit disc (Vogel 1979), in many orientations.
+pub struct Spiral {
+    points: Vec<[[f32; 2]; SAMPLES]>,
+}
+
+/// Orientations to choose from.
+const TURNS: usize = 64;
+
+impl Spiral {
+    pub fn new() -> Self {
+        let point = |turn: usize, k: usize| {
+            let radius = ((k as f32 + 0.5) / SAMPLES as f32).sqrt();
+            let angle = 2.399_963_2 * k as f32 + std::f32::consts::TAU * turn as f32 / TURNS as f32;
+            [radius * angle.cos(), radius * angle.sin()]
+        };
+        Self { points: (0..TURNS).map(|turn| std::array::from_fn(|k| point(turn, k))).collect() }
+    }
+
+    /// The points, turned by a share of a circle.
+    pub fn turned(&self, turn: f32) -> &[[f32; 2]; SAMPLES] {
+        &self.points[(turn * TURNS as f32) as usize % TURNS]
+    }
 }

@@ -8,8 +8,6 @@ mod splat;
 mod surface;
 mod view;
 
-use std::sync::Arc;
-
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -22,18 +20,24 @@ use view::View;
 
 type V3 = Vector3<f32>;
 
-/// Size of a thumbnail (pixels).
-const THUMBNAIL_SIZE: [usize; 2] = [1280, 720];
-/// Particles drawn at most in a thumbnail.
-const THUMBNAIL_PARTICLES: usize = 2_000_000;
-/// Particles drawn at most in a picture of a film.
-const FILM_PARTICLES: usize = 300_000;
-/// Samples per pixel along each axis.
-const SUPERSAMPLING: usize = 2;
+/// How much work a picture is worth.
+struct Quality {
+    /// Width and height (pixels).
+    size: [usize; 2],
+    /// Samples of a pixel along each axis.
+    samples: usize,
+    /// Particles drawn at most.
+    particles: usize,
+    /// Pixels along each side of the shadow map.
+    shadows: usize,
+}
+
+const STILL: Quality = Quality { size: [1280, 720], samples: 2, particles: 2_000_000, shadows: 1024 };
+const FILM: Quality = Quality { size: [480, 270], samples: 1, particles: 200_000, shadows: 384 };
 
 /// A picture of a frame as PNG, 1280 × 720.
 pub fn thumbnail(problem: &Problem, particles: &Particles, time_s: f64) -> Vec<u8> {
-    Camera::with_particles(problem, THUMBNAIL_SIZE, THUMBNAIL_PARTICLES).render(problem, particles, time_s).png()
+    Camera::new(problem, &STILL).render(problem, particles, time_s).png()
 }
 
 /// A camera that stands still for a whole run.
@@ -46,17 +50,16 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A camera for a film of `size` pixels.
-    pub fn new(problem: &Problem, size: [usize; 2]) -> Self {
-        Self::with_particles(problem, size, FILM_PARTICLES)
+    /// A camera for small pictures of all frames.
+    pub fn film(problem: &Problem) -> Self {
+        Self::new(problem, &FILM)
     }
 
-    fn with_particles(problem: &Problem, size: [usize; 2], limit: usize) -> Self {
+    fn new(problem: &Problem, quality: &Quality) -> Self {
         let count = problem.particles.len();
-        let selected = select(count, limit, problem.seed);
+        let selected = select(count, quality.particles, problem.seed);
         let growth = (count as f64 / selected.len().max(1) as f64).powf(1.0 / problem.dimension as f64);
-        let size = size.map(|s| s * SUPERSAMPLING);
-        Self { view: View::of(problem, size), palette: Palette::new(problem), selected, growth }
+        Self { view: View::of(problem, quality), palette: Palette::new(problem), selected, growth }
     }
 
     /// Draws a frame.
@@ -67,7 +70,7 @@ impl Camera {
         } else {
             surface::draw(problem, &self.view, &balls, time_s)
         };
-        canvas.reduced()
+        canvas.reduced(self.view.samples)
     }
 
     fn balls(&self, problem: &Problem, particles: &Particles) -> Vec<Ball> {
@@ -76,8 +79,9 @@ impl Camera {
         let ball = |&p: &u32| {
             let p = p as usize;
             let (v, body) = (particles.v[p], particles.body[p]);
+            let gloss = self.palette.gloss(body);
             let color = self.palette.color(body, (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt());
-            Ball { center: V3::from(particles.x[p].map(|c| c as f32)), radius: radii[body as usize], color }
+            Ball { center: V3::from(particles.x[p].map(|c| c as f32)), radius: radii[body as usize], color, gloss }
         };
         self.selected.par_iter().map(ball).collect()
     }
@@ -85,7 +89,7 @@ impl Camera {
 
 /// Half the spacing of a body's particles, and a little more, so that neighbours overlap.
 fn radius(problem: &Problem, volume0: f64) -> f64 {
-    0.62 * volume0.powf(1.0 / problem.dimension as f64)
+    0.66 * volume0.powf(1.0 / problem.dimension as f64)
 }
 
 /// A picture in linear light.
@@ -96,21 +100,20 @@ struct Canvas {
 
 impl Canvas {
     /// Averages the samples of each pixel.
-    fn reduced(&self) -> Image {
-        let [width, height] = self.size.map(|s| s / SUPERSAMPLING);
-        let samples = (SUPERSAMPLING * SUPERSAMPLING) as f32;
+    fn reduced(&self, samples: usize) -> Image {
+        let [width, height] = self.size.map(|s| s / samples);
         let mut rgb = vec![0; 3 * width * height];
         rgb.par_chunks_mut(3 * width).enumerate().for_each(|(row, line)| {
             for (column, pixel) in line.chunks_mut(3).enumerate() {
                 let mut sum = [0.0; 3];
-                for k in 0..SUPERSAMPLING * SUPERSAMPLING {
-                    let (y, x) = (row * SUPERSAMPLING + k / SUPERSAMPLING, column * SUPERSAMPLING + k % SUPERSAMPLING);
+                for k in 0..samples * samples {
+                    let (y, x) = (row * samples + k / samples, column * samples + k % samples);
                     (0..3).for_each(|c| sum[c] += self.pixels[y * self.size[0] + x][c].clamp(0.0, 1.0));
                 }
-                (0..3).for_each(|c| pixel[c] = to_srgb(sum[c] / samples));
+                (0..3).for_each(|c| pixel[c] = to_srgb(sum[c] / (samples * samples) as f32));
             }
         });
-        Image { size: [width, height], rgb: rgb.into() }
+        Image { size: [width, height], rgb }
     }
 }
 
@@ -119,7 +122,7 @@ pub struct Image {
     /// Width and height (pixels).
     pub size: [usize; 2],
     /// sRGB, rows from the top.
-    pub rgb: Arc<[u8]>,
+    pub rgb: Vec<u8>,
 }
 
 impl Image {

@@ -13,6 +13,8 @@ pub struct Ball {
     /// Metres.
     pub radius: f32,
     pub color: Rgb,
+    /// How much of the sky is seen in it, 0 to 1.
+    pub gloss: f32,
 }
 
 /// What is seen in each pixel, by rows from the top.
@@ -67,8 +69,9 @@ pub fn splat(view: &View, balls: &[Ball]) -> Depths {
 }
 
 impl Depths {
-    /// Smooths the bumps of single balls away but keeps the outlines: a bilateral filter along rows, then along columns,
-    /// twice (Green 2010, "Screen space fluid rendering for games").
+    /// Smooths the bumps of single balls away but keeps the outlines: the narrow-range filter of Truong & Yuksel (2018, "A
+    /// narrow-range filter for screen-space fluid rendering"), along rows and along columns, twice. What is far behind a
+    /// pixel does not count, nor does its mirror image; what is far in front counts as a little in front.
     pub fn smooth(&mut self, view: &View, balls: &[Ball]) {
         let [width, height] = view.size;
         for pass in 0..4 {
@@ -81,19 +84,18 @@ impl Depths {
                     return center;
                 }
                 let radius = balls[ball[at] as usize].radius;
-                let reach = (2.2 * radius * view.pixels_per_metre(center)).clamp(1.0, 40.0);
-                let taps = reach.ceil() as i64;
+                let reach = (3.2 * radius * view.pixels_per_metre(center)).clamp(3.0, 64.0);
                 let (position, size, stride) =
-                    if along_rows { (at % width, width, 1) } else { (at / width, height, width as i64) };
-                let (mut sum, mut weights) = (0.0, 0.0);
-                for k in -taps.min(position as i64)..=taps.min((size - 1 - position) as i64) {
-                    let other = source[(at as i64 + k * stride) as usize];
-                    let step = (other - center) / (2.0 * radius);
-                    let near = k as f32 / reach;
-                    let weight = (-2.0 * near * near - step * step).exp();
-                    if weight > 1e-4 {
-                        sum += weight * other;
-                        weights += weight;
+                    if along_rows { (at % width, width, 1) } else { (at / width, height, width) };
+                let taps = (reach as usize).min(position).min(size - 1 - position);
+                let (mut sum, mut weights) = (center, 1.0);
+                for k in 1..=taps {
+                    let (a, b) = (source[at - k * stride], source[at + k * stride]);
+                    if a.max(b) - center < 5.0 * radius {
+                        let near = 1.0 - (k * k) as f32 / (reach * reach);
+                        let weight = near * near;
+                        sum += weight * (a.max(center - radius) + b.max(center - radius));
+                        weights += 2.0 * weight;
                     }
                 }
                 sum / weights

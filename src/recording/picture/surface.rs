@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::light::{Light, spiral};
+use super::light::{Light, SAMPLES, Spiral};
 use super::obstacles::{Hit, Obstacle, nearest, obstacles};
 use super::splat::{Ball, Depths, splat};
 use super::view::{View, floor};
@@ -19,9 +19,10 @@ const GLASS: Rgb = [0.62, 0.70, 0.78];
 const SKY: f32 = 0.62;
 const BOUNCE: f32 = 0.30;
 const LAMP: f32 = 0.62;
-/// Radius of ambient occlusion, as a share of the focus' diagonal, and its samples.
+/// Brightness of a floor in full shadow.
+const SHADOW: f32 = 0.68;
+/// Radius of ambient occlusion, as a share of the focus' diagonal.
 const OCCLUSION_REACH: f32 = 0.05;
-const OCCLUSION_SAMPLES: usize = 14;
 
 /// What is seen in a pixel.
 #[derive(Clone, Copy)]
@@ -29,13 +30,21 @@ enum Seen {
     Nothing,
     Floor,
     Obstacle,
-    Particle(Rgb),
+    Particle(Rgb, f32),
+}
+
+/// Shares of the light of the sky and of the lamp that reach a point.
+#[derive(Clone, Copy, Default)]
+struct Exposure {
+    sky: f32,
+    lamp: f32,
 }
 
 /// All that shading needs to know.
 struct Scene<'a> {
     view: &'a View,
     light: Light,
+    spiral: Spiral,
     seen: Vec<Seen>,
     depth: Vec<f32>,
     normal: Vec<V3>,
@@ -47,8 +56,12 @@ pub fn draw(problem: &Problem, view: &View, balls: &[Ball], time_s: f64) -> Canv
     let mut particles = splat(view, balls);
     particles.smooth(view, balls);
     let scene = Scene::new(problem, view, balls, &obstacles, &particles);
-    let count = view.size[0] * view.size[1];
-    let pixels = (0..count).into_par_iter().map(|at| scene.shade(at, &obstacles)).collect();
+    let mut pixels = vec![[0.0; 3]; view.size[0] * view.size[1]];
+    let rows = view.size[0] * view.samples;
+    pixels
+        .par_chunks_mut(rows)
+        .enumerate()
+        .for_each(|(band, pixels)| scene.shade_band(band * rows, pixels, &obstacles));
     let mut canvas = Canvas { size: view.size, pixels };
     let domain = domain_box(problem).map(|corner| V3::from(corner.map(|c| c as f32)));
     lines::draw_box(&mut canvas, view, &domain, &scene.depth);
@@ -66,7 +79,7 @@ impl<'a> Scene<'a> {
             }
             if particles.depth[at] < depth {
                 let ball = &balls[particles.ball[at] as usize];
-                seen = Seen::Particle(ball.color);
+                seen = Seen::Particle(ball.color, ball.gloss);
                 depth = particles.depth[at];
                 normal = particle_normal(view, particles, at, ball);
             }
@@ -78,40 +91,64 @@ impl<'a> Scene<'a> {
         };
         let (seen, (depth, normal)) = (0..view.size[0] * view.size[1]).into_par_iter().map(pixel).unzip();
         let reach = OCCLUSION_REACH * (view.focus[1] - view.focus[0]).norm();
-        Self { view, light: Light::new(view, balls, obstacles), seen, depth, normal, reach }
+        let light = Light::new(view, balls, obstacles);
+        Self { view, light, spiral: Spiral::new(), seen, depth, normal, reach }
     }
 
-    /// The colour of a pixel.
-    fn shade(&self, at: usize, obstacles: &[Obstacle]) -> Rgb {
-        let backdrop = self.backdrop(at);
+    /// Colours the rows of one line of the finished picture. Samples of one pixel that lie on the same surface share what
+    /// is costly to know.
+    fn shade_band(&self, first: usize, pixels: &mut [Rgb], obstacles: &[Obstacle]) {
+        let (width, samples) = (self.view.size[0], self.view.samples);
+        let mut known = vec![(usize::MAX, Exposure::default()); width / samples];
+        for (offset, pixel) in pixels.iter_mut().enumerate() {
+            let at = first + offset;
+            let known = &mut known[offset % width / samples];
+            if known.0 == usize::MAX || !self.same_surface(known.0, at) {
+                *known = (at, self.exposure(at));
+            }
+            *pixel = self.shade(at, &known.1, obstacles);
+        }
+    }
+
+    fn same_surface(&self, a: usize, b: usize) -> bool {
+        let near = self.depth[a] == self.depth[b] || (self.depth[a] - self.depth[b]).abs() < 0.1 * self.reach;
+        near && self.normal[a].dot(&self.normal[b]) > 0.9
+    }
+
+    fn exposure(&self, at: usize) -> Exposure {
+        if matches!(self.seen[at], Seen::Nothing) {
+            return Exposure::default();
+        }
+        let [start, direction] = ray(self.view, at);
+        let x = start + direction * self.depth[at];
+        let facing = self.normal[at].dot(&self.light.toward) > 0.0;
+        Exposure { sky: self.openness(at), lamp: if facing { self.light.reaches(&x, self.disc(at)) } else { 0.0 } }
+    }
+
+    /// The colour of a sample.
+    fn shade(&self, at: usize, exposure: &Exposure, obstacles: &[Obstacle]) -> Rgb {
         let [start, direction] = ray(self.view, at);
         let glass = obstacles.iter().filter(|obstacle| obstacle.translucent);
         let glass = nearest(glass, start, direction, self.depth[at]);
         let behind = match self.seen[at] {
-            Seen::Nothing => backdrop,
-            Seen::Floor => {
-                let x = start + direction * self.depth[at];
-                let shade = (0.62 + 0.38 * self.light.reaches(&x, noise(self.view, at))) * self.openness(at);
-                backdrop.map(|c| c * shade)
-            }
-            Seen::Obstacle => self.lit(at, OBSTACLE, 0.1),
-            Seen::Particle(color) => self.lit(at, color, 0.22),
+            Seen::Nothing => self.backdrop(at),
+            Seen::Floor => self.backdrop(at).map(|c| c * (SHADOW + (1.0 - SHADOW) * exposure.lamp) * exposure.sky),
+            Seen::Obstacle => self.lit(at, &direction, exposure, OBSTACLE, 0.2),
+            Seen::Particle(color, gloss) => self.lit(at, &direction, exposure, color, gloss),
         };
         glass.map_or(behind, |hit| pane(behind, &hit, &direction, &self.light.toward))
     }
 
-    /// Colour of a lit surface: sky and floor light from their sides, the lamp where it reaches, and a highlight.
-    fn lit(&self, at: usize, albedo: Rgb, gloss: f32) -> Rgb {
-        let [start, direction] = ray(self.view, at);
-        let x = start + direction * self.depth[at];
-        let n = self.normal[at];
-        let ambient = self.openness(at) * (BOUNCE + (SKY - BOUNCE) * (0.5 + 0.5 * n.z));
-        let facing = n.dot(&self.light.toward);
-        let lit = if facing > 0.0 { self.light.reaches(&x, noise(self.view, at)) } else { 0.0 };
-        let diffuse = ambient + LAMP * lit * facing.max(0.0);
-        let half = (self.light.toward - direction.normalize()).normalize();
-        let highlight = gloss * lit * n.dot(&half).max(0.0).powi(40);
-        albedo.map(|c| c * diffuse + highlight)
+    /// Colour of a lit surface: sky and floor light from their sides, the lamp where it reaches, a highlight, and the sky
+    /// mirrored at grazing angles (Schlick 1994).
+    fn lit(&self, at: usize, direction: &V3, exposure: &Exposure, albedo: Rgb, gloss: f32) -> Rgb {
+        let (n, toward_eye) = (self.normal[at], -direction.normalize());
+        let ambient = exposure.sky * (BOUNCE + (SKY - BOUNCE) * (0.5 + 0.5 * n.z));
+        let diffuse = ambient + LAMP * exposure.lamp * n.dot(&self.light.toward).max(0.0);
+        let half = (self.light.toward + toward_eye).normalize();
+        let highlight = gloss * exposure.lamp * n.dot(&half).max(0.0).powi(60);
+        let mirror = gloss * exposure.sky * (0.05 + 0.6 * (1.0 - n.dot(&toward_eye).clamp(0.0, 1.0)).powi(4));
+        std::array::from_fn(|k| albedo[k] * diffuse * (1.0 - mirror) + BACKDROP[1][k] * mirror + highlight)
     }
 
     /// Share of the sky that is not hidden by what is near (after McGuire et al. 2011, "The Alchemy screen-space ambient
@@ -122,13 +159,13 @@ impl<'a> Scene<'a> {
         let (x, n) = (start + direction * self.depth[at], self.normal[at]);
         let pixels = (self.reach * self.view.pixels_per_metre(self.depth[at])).min(160.0);
         let mut hidden = 0.0;
-        for k in 0..OCCLUSION_SAMPLES {
-            let [dx, dy] = spiral(k, OCCLUSION_SAMPLES, noise(self.view, at));
-            let (column, row) = ((at % width) as f32 + dx * pixels, (at / width) as f32 + dy * pixels);
-            if column < 0.0 || row < 0.0 || column >= width as f32 || row >= height as f32 {
+        for [dx, dy] in self.disc(at) {
+            let column = ((at % width) as f32 + 0.5 + dx * pixels) as usize;
+            let row = ((at / width) as f32 + 0.5 + dy * pixels) as usize;
+            if column >= width || row >= height {
                 continue;
             }
-            let other = row as usize * width + column as usize;
+            let other = row * width + column;
             if self.depth[other].is_infinite() {
                 continue;
             }
@@ -137,7 +174,14 @@ impl<'a> Scene<'a> {
             let far = v.norm_squared() / (self.reach * self.reach);
             hidden += (1.0 - far).max(0.0) * (v.dot(&n) / v.norm().max(1e-12) - 0.12).max(0.0);
         }
-        (1.0 - 2.2 * hidden / OCCLUSION_SAMPLES as f32).clamp(0.15, 1.0)
+        (1.0 - 2.2 * hidden / SAMPLES as f32).clamp(0.15, 1.0)
+    }
+
+    /// Where to sample around a pixel: turned by interleaved gradient noise (Jimenez 2014).
+    fn disc(&self, at: usize) -> &[[f32; 2]; SAMPLES] {
+        let (x, y) = ((at % self.view.size[0]) as f32, (at / self.view.size[0]) as f32);
+        let fraction = |x: f32| x - x as i32 as f32;
+        self.spiral.turned(fraction(52.982_918 * fraction(0.067_110_56 * x + 0.005_837_15 * y)))
     }
 
     fn backdrop(&self, at: usize) -> Rgb {
@@ -187,10 +231,4 @@ fn particle_normal(view: &View, particles: &Depths, at: usize, ball: &Ball) -> V
 
 fn ray(view: &View, at: usize) -> [V3; 2] {
     view.ray((at % view.size[0]) as f32, (at / view.size[0]) as f32)
-}
-
-/// Interleaved gradient noise (Jimenez 2014).
-fn noise(view: &View, at: usize) -> f32 {
-    let (x, y) = ((at % view.size[0]) as f32, (at / view.size[0]) as f32);
-    (52.982_918 * (0.067_110_56 * x + 0.005_837_15 * y).fract()).fract()
 }

@@ -1,6 +1,6 @@
 //! Where the camera stands: chosen from the problem alone, so that it does not move during a run.
 
-use super::V3;
+use super::{Quality, V3};
 use crate::recording::colliders::domain_box;
 use crate::sim::problem::{Axis, Material, Problem};
 
@@ -10,8 +10,12 @@ pub type Bounds = [V3; 2];
 /// A perspective camera; also a parallel one, for plane scenes and for the light.
 #[derive(Clone, Debug)]
 pub struct View {
-    /// Width and height (pixels).
+    /// Width and height (samples).
     pub size: [usize; 2],
+    /// Samples of a pixel along each axis.
+    pub samples: usize,
+    /// Pixels along each side of the shadow map that goes with the view.
+    pub shadows: usize,
     /// What shall be seen.
     pub focus: Bounds,
     pub right: V3,
@@ -25,7 +29,7 @@ pub struct View {
 }
 
 /// Height above the horizon, and angle between the picture's plane and the scene's longer side.
-const ELEVATION: f32 = 0.36;
+const ELEVATION: f32 = 0.40;
 const TURN: f32 = 0.5;
 /// Half the horizontal angle of view.
 const HALF_ANGLE: f32 = 0.26;
@@ -34,16 +38,18 @@ const FILL: f32 = 0.92;
 
 impl View {
     /// The view of a problem: from obliquely above, or straight at the plane of a 2D scene.
-    pub fn of(problem: &Problem, size: [usize; 2]) -> Self {
+    pub fn of(problem: &Problem, quality: &Quality) -> Self {
         let focus = focus(problem);
+        let size = quality.size.map(|s| s * quality.samples);
+        let with_quality = |view| Self { samples: quality.samples, shadows: quality.shadows, ..view };
         if problem.dimension == 2 {
-            return Self::parallel(V3::x(), V3::y(), focus, size);
+            return with_quality(Self::parallel(V3::x(), V3::y(), focus, size));
         }
         let extent = focus[1] - focus[0];
         let azimuth = if extent.x >= extent.y { TURN - std::f32::consts::FRAC_PI_2 } else { -TURN };
         let backward = V3::new(ELEVATION.cos() * azimuth.cos(), ELEVATION.cos() * azimuth.sin(), ELEVATION.sin());
         let right = V3::z().cross(&backward).normalize();
-        Self::perspective(right, backward.cross(&right), focus, size)
+        with_quality(Self::perspective(right, backward.cross(&right), focus, size))
     }
 
     fn perspective(right: V3, up: V3, focus: Bounds, size: [usize; 2]) -> Self {
@@ -73,7 +79,8 @@ impl View {
             shift += (up * middle(heights) + right * middle(widths)) * distance;
         }
         let scale = size[0] as f32 / 2.0 / HALF_ANGLE.tan();
-        Self { size, focus, right, up, forward, eye: center + shift - forward * distance, scale, perspective: true }
+        let eye = center + shift - forward * distance;
+        Self { size, samples: 1, shadows: 0, focus, right, up, forward, eye, scale, perspective: true }
     }
 
     /// A parallel view of a box.
@@ -82,7 +89,9 @@ impl View {
         let center = (focus[0] + focus[1]) / 2.0;
         let reach = |axis: &V3| corners(&focus).map(|c| (c - center).dot(axis)).into_iter().fold(0.0, f32::max);
         let scale = FILL / 2.0 * (size[0] as f32 / reach(&right)).min(size[1] as f32 / reach(&up));
-        Self { size, focus, right, up, forward, eye: center - forward * reach(&forward), scale, perspective: false }
+        // From well behind the box, because particles may fly out of it.
+        let eye = center - forward * (3.0 * reach(&forward));
+        Self { size, samples: 1, shadows: 0, focus, right, up, forward, eye, scale, perspective: false }
     }
 
     /// Column, row and depth of a point (pixels, pixels, m).
@@ -92,6 +101,10 @@ impl View {
         let scale = self.pixels_per_metre(depth);
         let [w, h] = self.size.map(|s| s as f32 / 2.0);
         [w + r.dot(&self.right) * scale, h - r.dot(&self.up) * scale, depth]
+    }
+
+    pub fn is_parallel(&self) -> bool {
+        !self.perspective
     }
 
     pub fn pixels_per_metre(&self, depth: f32) -> f32 {
