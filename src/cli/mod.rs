@@ -2,6 +2,7 @@
 
 mod adapters;
 mod bench;
+mod check;
 mod demo;
 mod device;
 mod interrupt;
@@ -28,6 +29,7 @@ struct Arguments {
 enum Command {
     Serve(serve::Arguments),
     Run(run::Arguments),
+    Check(check::Arguments),
     Demo(demo::Arguments),
     Adapters(adapters::Arguments),
     Bench(bench::Arguments),
@@ -39,6 +41,7 @@ impl Command {
         match self {
             Self::Serve(arguments) => serve::execute(arguments),
             Self::Run(arguments) => run::execute(arguments),
+            Self::Check(arguments) => check::execute(arguments),
             Self::Demo(arguments) => demo::execute(arguments),
             Self::Adapters(arguments) => adapters::execute(arguments),
             Self::Bench(arguments) => bench::execute(arguments),
