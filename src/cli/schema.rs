@@ -1,5 +1,7 @@
 //! `gridfall schema`: the machine-readable contracts.
 
+use std::io::{self, Write};
+
 use clap::{Args, ValueEnum};
 
 use super::CliError;
@@ -19,9 +21,13 @@ enum What {
 }
 
 pub fn execute(arguments: Arguments) -> Result<(), CliError> {
-    match arguments.what {
-        What::Scene => print!("{}", scene::schema::json_schema()),
-        What::Openapi => print!("{}", http::document_json()),
+    let document = match arguments.what {
+        What::Scene => scene::schema::json_schema(),
+        What::Openapi => http::document_json(),
+    };
+    match io::stdout().write_all(document.as_bytes()) {
+        // A reader such as `head` has seen enough.
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(CliError::Failed(error.to_string())),
+        _ => Ok(()),
     }
-    Ok(())
 }

@@ -1,9 +1,11 @@
 //! Parts of requests, with rejections as problems.
 
 use std::error::Error;
+use std::future::poll_fn;
+use std::pin::Pin;
 
-use axum::body::{Body, Bytes};
-use axum::extract::rejection::{BytesRejection, JsonRejection, PathRejection, QueryRejection};
+use axum::body::{Body, HttpBody};
+use axum::extract::rejection::{JsonRejection, PathRejection, QueryRejection};
 use axum::extract::{FromRequest, FromRequestParts, Request};
 use axum::http::request::Parts;
 use serde::de::DeserializeOwned;
@@ -12,6 +14,10 @@ use uuid::Uuid;
 
 use super::problem::{Code, Problem};
 use super::state::Api;
+
+/// Bytes beyond the limit that are read and thrown away before a body is refused. A client that is still sending when the
+/// connection is closed may never see why.
+const DISCARDED_BYTES: usize = 64 << 20;
 
 /// A JSON body.
 pub struct JsonBody<T>(pub T);
@@ -22,37 +28,43 @@ impl<T: DeserializeOwned> FromRequest<Api> for JsonBody<T> {
     async fn from_request(request: Request, api: &Api) -> Result<Self, Problem> {
         let (parts, body) = request.into_parts();
         let within = api.config.body_timeout;
-        let request = Request::from_parts(parts.clone(), body);
-        let body = timeout(within, Bytes::from_request(request, api))
-            .await
-            .map_err(|_| {
-                let detail = format!("the body did not arrive within {} s", within.as_secs_f64());
-                Problem::new(Code::RequestTimeout, detail)
-            })?
-            .map_err(|rejection| bytes_problem(&rejection, api.config.max_body_bytes))?;
-        let request = Request::from_parts(parts, Body::from(body));
-        match axum::Json::from_request(request, api).await {
+        let bytes = timeout(within, read(body, api.config.max_body_bytes)).await.unwrap_or_else(|_| {
+            let detail = format!("the body did not arrive within {} s", within.as_secs_f64());
+            Err(Problem::new(Code::RequestTimeout, detail))
+        })?;
+        match axum::Json::from_request(Request::from_parts(parts, bytes.into()), api).await {
             Ok(axum::Json(value)) => Ok(Self(value)),
-            Err(rejection) => Err(json_problem(&rejection, api.config.max_body_bytes)),
+            Err(rejection) => Err(json_problem(&rejection)),
         }
     }
 }
 
-fn bytes_problem(rejection: &BytesRejection, max_body_bytes: usize) -> Problem {
-    if rejection.status() == Code::BodyTooLarge.status() {
-        return Problem::new(Code::BodyTooLarge, format!("a body may have at most {max_body_bytes} bytes"));
+/// Reads a body of at most `max` bytes.
+async fn read(mut body: Body, max: usize) -> Result<Vec<u8>, Problem> {
+    let (mut bytes, mut received) = (Vec::new(), 0usize);
+    while let Some(frame) = poll_fn(|context| Pin::new(&mut body).poll_frame(context)).await {
+        let frame = frame.map_err(|error| Problem::new(Code::InvalidBody, reason(&error)))?;
+        let Ok(data) = frame.into_data() else { continue };
+        received = received.saturating_add(data.len());
+        if received <= max {
+            bytes.extend_from_slice(&data);
+        } else if received - max > DISCARDED_BYTES {
+            break;
+        }
     }
-    Problem::new(Code::InvalidBody, reason(rejection))
+    if received > max {
+        return Err(Problem::new(Code::BodyTooLarge, format!("a body may have at most {max} bytes")));
+    }
+    Ok(bytes)
 }
 
-fn json_problem(rejection: &JsonRejection, max_body_bytes: usize) -> Problem {
+fn json_problem(rejection: &JsonRejection) -> Problem {
     match rejection {
         JsonRejection::JsonSyntaxError(error) => Problem::new(Code::InvalidJson, reason(error)),
         JsonRejection::JsonDataError(error) => Problem::new(Code::InvalidRequest, reason(error)),
         JsonRejection::MissingJsonContentType(_) => {
             Problem::new(Code::UnsupportedMediaType, "send the header Content-Type: application/json")
         }
-        JsonRejection::BytesRejection(rejection) => bytes_problem(rejection, max_body_bytes),
         other => Problem::new(Code::InvalidBody, reason(other)),
     }
 }

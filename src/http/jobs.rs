@@ -39,9 +39,8 @@ pub async fn submit(
 ) -> Result<Response, Problem> {
     let idempotency_key = headers.get(IDEMPOTENCY_KEY).map(idempotency_key).transpose()?;
     let request_sha256 = sha256_hex(&serde_json::to_vec(&request).map_err(internal)?);
-    let name = request.name.map(valid_name).transpose()?;
-    let overrides = request.overrides.iter().map(|(path, value)| format!("{path}={value}")).collect();
-    let new = judge(&api, request.scene, overrides, "/scene", move |admitted| NewJob {
+    let name = request.name.clone().map(valid_name).transpose()?;
+    let new = judge(&api, request, move |admitted| NewJob {
         name: name.unwrap_or(admitted.scene.name),
         scene: admitted.document,
         particles: admitted.problem.particles.len() as u64,

@@ -71,11 +71,11 @@ impl Problem {
         Self { code, detail: detail.into(), faults: Vec::new(), checks: Vec::new(), header: None }
     }
 
-    /// All faults of a scene; `prefix` is the JSON pointer to the scene in the request's body.
-    pub fn faults(faults: Vec<Fault>, prefix: &str) -> Self {
+    /// All faults of a scene that a request had in its member `scene`.
+    pub fn invalid_scene(faults: Vec<Fault>) -> Self {
         let n = faults.len();
         let faults =
-            faults.into_iter().map(|fault| Fault { pointer: format!("{prefix}{}", fault.pointer), ..fault }).collect();
+            faults.into_iter().map(|fault| Fault { pointer: format!("/scene{}", fault.pointer), ..fault }).collect();
         let detail = format!("the scene has {n} {}", if n == 1 { "fault" } else { "faults" });
         Self { faults, ..Self::new(Code::InvalidScene, detail) }
     }

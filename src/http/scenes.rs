@@ -4,35 +4,35 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::header;
 use axum::response::IntoResponse;
-use serde_json::Value;
 use tokio::time::timeout;
 
-use super::dto::ValidScene;
+use super::dto::{self, SubmitJob, ValidScene};
 use super::extract::JsonBody;
+use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
 use crate::jobs::admission::{Admitted, admit};
 use crate::scene;
 
-/// Judges a scene without running it: what it costs, or all its faults. The body is the scene document itself.
-#[utoipa::path(post, path = "/v1/scenes:validate", tag = "scenes",
-    request_body(content = Object, description = "A scene; its JSON Schema is at `/v1/schema/scene`"),
-    responses((status = 200, body = ValidScene)))]
+/// Judges a scene without running it: what it costs, or all its faults. Takes the body of a submission.
+#[utoipa::path(post, path = "/v1/scenes:validate", tag = "scenes", request_body = SubmitJob,
+    responses(
+        (status = 200, body = ValidScene),
+        (status = 422, body = dto::Problem, content_type = PROBLEM,
+            description = "`invalid_scene` with all its `faults`, `invalid_request`"),
+    ))]
 pub async fn validate(
     State(api): State<Api>,
-    JsonBody(document): JsonBody<Value>,
+    JsonBody(request): JsonBody<SubmitJob>,
 ) -> Result<Json<ValidScene>, Problem> {
-    let estimate =
-        judge(&api, document, Vec::new(), "", |admitted| scene::estimate::estimate(&admitted.problem)).await?;
+    let estimate = judge(&api, request, |admitted| scene::estimate::estimate(&admitted.problem)).await?;
     Ok(Json(ValidScene { valid: true, estimate: estimate.into() }))
 }
 
-/// Judges a scene beside the runtime, a bounded number at a time, and passes what can run to `with`.
+/// Judges the scene of a request beside the runtime, a bounded number at a time, and passes what can run to `with`.
 pub async fn judge<T: Send + 'static>(
     api: &Api,
-    document: Value,
-    overrides: Vec<String>,
-    pointer: &str,
+    request: SubmitJob,
     with: impl FnOnce(Admitted) -> T + Send + 'static,
 ) -> Result<T, Problem> {
     let waiting = timeout(api.config.validation_wait, api.validations.clone().acquire_owned());
@@ -46,9 +46,11 @@ pub async fn judge<T: Send + 'static>(
     let judged = tokio::task::spawn_blocking(move || {
         // Held here, not by the request: a client that goes away does not make the work cheaper.
         let _permit = permit;
-        admit(document, &overrides, &limits).map(with)
+        let overrides: Vec<String> =
+            request.overrides.iter().map(|(path, value)| format!("{path}={value}")).collect();
+        admit(request.scene, &overrides, &limits).map(with)
     });
-    judged.await.map_err(internal)?.map_err(|faults| Problem::faults(faults, pointer))
+    judged.await.map_err(internal)?.map_err(Problem::invalid_scene)
 }
 
 /// The JSON Schema of scenes.

@@ -32,15 +32,17 @@ async fn post(app: &Router, path: &str, body: Body) -> (u16, Option<String>, Val
     (status, retry_after, serde_json::from_slice(&bytes).unwrap())
 }
 
-fn scene() -> Value {
-    serde_json::from_str(include_str!("../../scenes/quickstart.json")).unwrap()
+/// The body of a submission.
+fn request() -> Body {
+    let scene: Value = serde_json::from_str(include_str!("../../scenes/quickstart.json")).unwrap();
+    json!({ "scene": scene }).to_string().into()
 }
 
 #[tokio::test]
 async fn the_queue_has_an_end() {
     let (_dir, api) = api(Config { max_queued: 2, ..Config::default() }).await;
     let app = router(api);
-    let submit = || post(&app, "/v1/jobs", json!({ "scene": scene() }).to_string().into());
+    let submit = || post(&app, "/v1/jobs", request());
     assert_eq!((submit().await.0, submit().await.0), (202, 202));
     let (status, retry_after, body) = submit().await;
     assert_eq!((status, &body["code"]), (429, &json!("queue_full")));
@@ -69,11 +71,11 @@ async fn scenes_are_judged_a_bounded_number_at_a_time() {
     let (_dir, api) = api(config).await;
     let held = api.validations.clone().acquire_owned().await.unwrap();
     let app = router(api);
-    let (status, retry_after, body) = post(&app, "/v1/scenes:validate", scene().to_string().into()).await;
+    let (status, retry_after, body) = post(&app, "/v1/scenes:validate", request()).await;
     assert_eq!((status, &body["code"]), (503, &json!("overloaded")));
     assert!(retry_after.is_some());
     drop(held);
-    assert_eq!(post(&app, "/v1/scenes:validate", scene().to_string().into()).await.0, 200);
+    assert_eq!(post(&app, "/v1/scenes:validate", request()).await.0, 200);
 }
 
 #[tokio::test]
@@ -86,7 +88,7 @@ async fn a_request_that_takes_too_long_is_given_up() {
     };
     let (_dir, api) = api(config).await;
     let _held = api.validations.clone().acquire_owned().await.unwrap();
-    let (status, retry_after, body) = post(&router(api), "/v1/scenes:validate", scene().to_string().into()).await;
+    let (status, retry_after, body) = post(&router(api), "/v1/scenes:validate", request()).await;
     assert_eq!((status, &body["code"]), (503, &json!("overloaded")));
     assert!(retry_after.is_some());
 }

@@ -1,3 +1,5 @@
+//! The store keeps its promises, whatever the order of calls.
+
 use super::*;
 
 async fn store() -> (tempfile::TempDir, JobStore) {

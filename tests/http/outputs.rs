@@ -143,7 +143,7 @@ fn the_thumbnail_is_a_png() {
 fn scenes_are_costed_before_they_run_and_their_schema_is_served() {
     let dir = tempfile::tempdir().unwrap();
     let server = Server::start(dir.path());
-    let answer = server.post_json("/v1/scenes:validate", &short());
+    let answer = server.post_json("/v1/scenes:validate", &json!({ "scene": short() }));
     assert_eq!((answer.status, &answer.json()["valid"]), (200, &json!(true)));
     assert_eq!(answer.json()["estimate"]["particles"], 64);
     let schema = server.get("/v1/schema/scene");
