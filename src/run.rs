@@ -3,7 +3,10 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Write;
+use std::panic::resume_unwind;
 use std::path::PathBuf;
+use std::sync::mpsc;
+use std::thread;
 
 use crate::engine::{Control, Engine, EngineError, FrameStats};
 use crate::recording::{self, Header, RecordingError, Severity, Writer};
@@ -39,7 +42,7 @@ pub struct FrameReport<'a> {
 
 /// Follows a run, and may stop it through [`Control::canceled`].
 pub trait Observer: Control {
-    /// Called after each frame, frame 0 included, once it is in the recording.
+    /// Called after each frame, frame 0 included, once it is in the recording; from another thread than the caller's.
     fn frame(&self, _report: &FrameReport) {}
 }
 
@@ -93,6 +96,28 @@ pub fn run(
     outcome.and(kept)
 }
 
+/// Computes all frames and hands each over, until `take` refuses one.
+fn step(
+    problem: &Problem,
+    engine: &mut dyn Engine,
+    observer: &dyn Observer,
+    take: impl Fn((u64, Particles, FrameStats)) -> bool,
+) -> Result<(), EngineError> {
+    let mut stats = FrameStats::default();
+    for frame in 0..=u64::from(problem.frames) {
+        if frame > 0 {
+            if observer.canceled() {
+                return Err(EngineError::Canceled);
+            }
+            stats = engine.advance_frame(problem.frame_s, observer)?;
+        }
+        if !take((frame, engine.snapshot()?, stats)) {
+            break;
+        }
+    }
+    Ok(())
+}
+
 /// The files of a run.
 struct Keeper<'a> {
     problem: &'a Problem,
@@ -120,15 +145,24 @@ impl<'a> Keeper<'a> {
         Ok(Self { problem, writer, csv, summary: Summary::default(), last: None })
     }
 
+    /// Steps on this thread; measures and records each frame on another while the next one is computed.
     fn simulate(&mut self, engine: &mut dyn Engine, observer: &dyn Observer) -> Result<Summary, RunError> {
-        self.keep(0, engine.snapshot()?, &FrameStats::default(), observer)?;
-        for frame in 1..=u64::from(self.problem.frames) {
-            if observer.canceled() {
-                return Err(EngineError::Canceled.into());
-            }
-            let stats = engine.advance_frame(self.problem.frame_s, observer)?;
-            self.keep(frame, engine.snapshot()?, &stats, observer)?;
-        }
+        let problem = self.problem;
+        // Without a buffer: two frames are in memory at most.
+        let (sender, receiver) = mpsc::sync_channel(0);
+        let keeper = &mut *self;
+        let (stepped, kept) = thread::scope(|scope| {
+            let keeping = scope.spawn(move || -> Result<(), RunError> {
+                receiver
+                    .into_iter()
+                    .try_for_each(|(frame, particles, stats)| keeper.keep(frame, particles, &stats, observer))
+            });
+            let stepped = step(problem, engine, observer, |frame| sender.send(frame).is_ok());
+            drop(sender);
+            (stepped, keeping.join().unwrap_or_else(|panic| resume_unwind(panic)))
+        });
+        kept?;
+        stepped?;
         Ok(self.summary)
     }
 
@@ -140,6 +174,7 @@ impl<'a> Keeper<'a> {
         stats: &FrameStats,
         observer: &dyn Observer,
     ) -> Result<(), RunError> {
+        self.last = None;
         let problem = self.problem;
         let time_s = frame as f64 * problem.frame_s;
         let row = Row::measure(problem, &particles, frame, time_s, stats);

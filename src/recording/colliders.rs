@@ -45,9 +45,9 @@ pub fn transforms(problem: &Problem, time_s: f64, timestamp: Timestamp) -> Vec<F
     moving.map(transform).collect()
 }
 
-/// True for shapes that may hold material inside, which pictures show through them.
+/// True for hollow shapes, so that what they hold is seen.
 pub fn translucent(sdf: &Sdf) -> bool {
-    sdf.ops.len() > 1
+    sdf.ops.iter().any(|op| matches!(op, SdfOp::Difference | SdfOp::Shell(_)))
 }
 
 /// Lower and upper corner of the domain; 2D scenes get one cell of thickness about z = 0.

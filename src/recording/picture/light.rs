@@ -42,8 +42,11 @@ impl Light {
             });
         }
         let diagonal = (camera.focus[1] - camera.focus[0]).norm();
+        let softness = SOFTNESS * diagonal;
         let radius = balls.iter().map(|ball| ball.radius).fold(0.0, f32::max);
-        Self { toward, view, depth, bias: (2.5 * radius).max(0.004 * diagonal), softness: SOFTNESS * diagonal }
+        // Slopes change the depth within the penumbra and within the map's pixels.
+        let bias = (2.5 * radius).max(0.5 * softness).max(2.0 / view.pixels_per_metre(1.0));
+        Self { toward, view, depth, bias, softness }
     }
 
     /// Share of the light that reaches a point, sampled at `points` of the unit disc.

@@ -32,10 +32,10 @@ struct Quality {
     shadows: usize,
 }
 
-const STILL: Quality = Quality { size: [1280, 720], samples: 2, particles: 2_000_000, shadows: 1024 };
+const STILL: Quality = Quality { size: [960, 540], samples: 2, particles: 1_000_000, shadows: 1024 };
 const FILM: Quality = Quality { size: [480, 270], samples: 1, particles: 200_000, shadows: 384 };
 
-/// A picture of a frame as PNG, 1280 × 720.
+/// A picture of a frame as PNG, 960 × 540.
 pub fn thumbnail(problem: &Problem, particles: &Particles, time_s: f64) -> Vec<u8> {
     Camera::new(problem, &STILL).render(problem, particles, time_s).png()
 }
@@ -87,9 +87,9 @@ impl Camera {
     }
 }
 
-/// Half the spacing of a body's particles, and a little more, so that neighbours overlap.
+/// Half the spacing of a body's particles, and enough more that neighbours leave no gaps.
 fn radius(problem: &Problem, volume0: f64) -> f64 {
-    0.66 * volume0.powf(1.0 / problem.dimension as f64)
+    if problem.dimension == 2 { 0.75 * volume0.sqrt() } else { 0.66 * volume0.cbrt() }
 }
 
 /// A picture in linear light.

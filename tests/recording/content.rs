@@ -1,0 +1,197 @@
+//! What a recording holds is what was simulated.
+
+use std::collections::BTreeSet;
+
+use gridfall::engine::{Control, Engine};
+use gridfall::run::{Observer, run};
+use gridfall::scene::schema::Scene;
+use gridfall::sim::problem::Problem;
+use serde_json::json;
+
+use super::fixture::{Ballistic, Watch, messages, numbers, outputs, problem, python, record, scene};
+
+#[test]
+fn a_recording_holds_what_was_simulated() {
+    let directory = tempfile::tempdir().unwrap();
+    let problem = problem(0.05);
+    let out = record(&problem, directory.path());
+    let recording = &python(&[], std::slice::from_ref(&out.recording))[0];
+
+    // Points are where the particles are, with the fields that were asked for.
+    let mut engine = Ballistic::new(&problem, None);
+    let clouds = messages(recording, "/particles");
+    assert_eq!(clouds.len(), 6);
+    for (frame, cloud) in clouds.into_iter().enumerate() {
+        if frame > 0 {
+            engine.advance_frame(problem.frame_s, &Watch::new(u64::MAX)).unwrap();
+        }
+        let (state, points) = (&engine.state, &cloud["content"]["points"]);
+        for a in 0..3 {
+            let (position, velocity) = (numbers(&points[["x", "y", "z"][a]]), numbers(&points[["vx", "vy", "vz"][a]]));
+            assert!(state.x.iter().map(|x| f64::from(x[a] as f32)).eq(position));
+            assert!(state.v.iter().map(|v| f64::from(v[a] as f32)).eq(velocity));
+        }
+        let stretch = 1.001f64.powi(frame as i32);
+        assert!(numbers(&points["J"]).iter().all(|j| (j - stretch).abs() < 1e-6));
+        // Fixed corotated under uniaxial strain e: σ_xx − σ_yy = 2µ e (1 + e) / J, J = 1 + e; exactly von Mises' measure.
+        let mu = 1e4 / 2.6;
+        let expected = 2.0 * mu * (stretch - 1.0);
+        let von_mises = numbers(&points["von_mises"]);
+        assert!((von_mises[0] - expected).abs() <= 1e-5 * expected + 1e-9, "{} against {expected}", von_mises[0]);
+        assert!(numbers(&points["alpha"]).iter().all(|&alpha| alpha == 255.0));
+    }
+
+    // All stamps are simulated time.
+    for message in recording["messages"].as_array().unwrap() {
+        let time = message["log_time"].as_u64().unwrap();
+        assert_eq!(time, message["sequence"].as_u64().unwrap() * 50_000_000);
+        assert_eq!(message["publish_time"], time);
+        assert_eq!(message["stamp"], time);
+    }
+
+    // Schemas are Foxglove's, frames are named, chunks are compressed.
+    let schemas: BTreeSet<_> = recording["messages"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|m| (m["topic"].as_str().unwrap(), m["schema"].as_str().unwrap()))
+        .collect();
+    let expected = [
+        ("/camera", "foxglove.CompressedImage"),
+        ("/colliders", "foxglove.SceneUpdate"),
+        ("/diagnostics", "gridfall.Diagnostics"),
+        ("/log", "foxglove.Log"),
+        ("/particles", "foxglove.PointCloud"),
+        ("/tf", "foxglove.FrameTransform"),
+    ];
+    assert_eq!(schemas.into_iter().collect::<Vec<_>>(), expected);
+    assert!(messages(recording, "/particles").iter().all(|message| message["content"]["frame_id"] == "world"));
+    assert!(recording["chunks"].as_array().unwrap().iter().all(|chunk| chunk[0] == "zstd"));
+}
+
+#[test]
+fn a_scene_runs_on_the_cpu_engine_and_is_recorded() {
+    let json = json!({
+        "gridfall": 1, "name": "falling block", "dimension": 2,
+        "domain": { "min": [0, 0], "max": [1, 1], "dx": 0.05 },
+        "gravity": [0, -10],
+        "materials": { "jelly": { "model": "neo-hookean", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 } },
+        "bodies": [ { "name": "block", "material": "jelly", "shape": { "box": { "min": [0.3, 0.5], "max": [0.7, 0.8] } },
+                      "velocity": [0.5, 0] } ],
+        "colliders": [ { "name": "stone", "shape": { "sphere": { "center": [0.5, 0.1], "radius": 0.1 } }, "contact": "sticky" } ],
+        "time": { "end": 0.1, "frame_rate": 50 },
+        "solver": { "precision": "f64" }
+    });
+    let scene = gridfall::scene::parse(&json.to_string()).unwrap();
+    let problem = gridfall::scene::problem(&scene, &Default::default()).unwrap();
+    let mut engine = gridfall::cpu::CpuEngine::new(&problem).unwrap();
+    let directory = tempfile::tempdir().unwrap();
+    let out = outputs(directory.path());
+    struct Nobody;
+    impl Control for Nobody {}
+    impl Observer for Nobody {}
+    let summary = run(&scene, &problem, &mut engine, &out, &Nobody).unwrap();
+    assert_eq!(summary.frames_written, 6);
+
+    let recording = &python(&[], &[out.recording])[0];
+    let attached = recording["attachments"]["scene.json"].as_str().unwrap();
+    assert_eq!(serde_json::from_str::<Scene>(attached).unwrap(), scene);
+    let last = engine.snapshot().unwrap();
+    let points = &messages(recording, "/particles")[5]["content"]["points"];
+    assert!(last.x.iter().map(|x| f64::from(x[0] as f32)).eq(numbers(&points["x"])));
+    assert!(numbers(&points["z"]).iter().all(|&z| z == 0.0), "2D scenes lie at z = 0");
+    // Free fall: momentum m g t, and the energy that symplectic Euler steps lose exactly, ½ m g² t dt.
+    let rows = messages(recording, "/diagnostics");
+    let value = |row: usize, name: &str| rows[row]["content"][name].as_f64().unwrap();
+    let mass = 1000.0 * 0.4 * 0.3;
+    assert!((value(5, "mass_kg") - mass).abs() < 1e-9 * mass);
+    assert!((value(5, "momentum_y") + mass * 10.0 * 0.1).abs() < 1e-9 * mass);
+    assert!((value(5, "momentum_x") - mass * 0.5).abs() < 1e-9 * mass);
+    let energy =
+        |row| ["kinetic_j", "affine_j", "strain_j", "gravity_j"].iter().map(|name| value(row, name)).sum::<f64>();
+    let lost = 0.5 * mass * 100.0 * 0.1 * value(5, "dt_s");
+    assert!((energy(0) - energy(5) - lost).abs() < 1e-9 * energy(0), "{} to {}", energy(0), energy(5));
+}
+
+#[test]
+fn diagnostics_agree_in_protobuf_and_csv() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = record(&problem(0.1), directory.path());
+    let recording = &python(&[], &[out.recording])[0];
+    let csv = std::fs::read_to_string(out.diagnostics.unwrap()).unwrap();
+    let mut lines = csv.lines();
+    let columns: Vec<_> = lines.next().unwrap().split(',').collect();
+    let rows = messages(recording, "/diagnostics");
+    assert_eq!(lines.clone().count(), rows.len());
+    for (line, row) in lines.zip(rows) {
+        assert_eq!(row["content"].as_object().unwrap().len(), columns.len());
+        for (column, cell) in columns.iter().zip(line.split(',')) {
+            // 64-bit integers are strings in protobuf's JSON.
+            let value = &row["content"][column];
+            let value = value.as_f64().unwrap_or_else(|| value.as_str().unwrap().parse().unwrap());
+            assert_eq!(cell.parse::<f64>().unwrap(), value, "{column}");
+        }
+    }
+}
+
+#[test]
+fn colliders_are_drawn_and_move() {
+    let directory = tempfile::tempdir().unwrap();
+    let recording = &python(&[], &[record(&problem(0.1), directory.path()).recording])[0];
+    let entities = messages(recording, "/colliders")[0]["content"]["entities"].as_array().unwrap().clone();
+    let kinds = |kind: &str| -> Vec<&str> {
+        let drawn = entities.iter().filter(|entity| !entity[kind].as_array().unwrap().is_empty());
+        drawn.map(|entity| entity["id"].as_str().unwrap()).collect()
+    };
+    assert_eq!(kinds("lines"), ["domain"]);
+    assert_eq!(kinds("cubes"), ["paddle"]);
+    assert_eq!(kinds("cylinders"), ["post"]);
+    assert_eq!(kinds("spheres"), ["ball"]);
+    assert_eq!(kinds("triangles"), ["ring", "bowl"]);
+    let frames: Vec<_> = entities.iter().map(|entity| entity["frame_id"].as_str().unwrap()).collect();
+    assert_eq!(frames, ["world", "colliders/paddle", "world", "world", "world", "colliders/bowl"]);
+
+    let transforms = messages(recording, "/tf");
+    assert_eq!(transforms.len(), 12);
+    let last = &transforms[10]["content"];
+    assert_eq!(
+        (last["parent_frame_id"].as_str(), last["child_frame_id"].as_str()),
+        (Some("world"), Some("colliders/paddle"))
+    );
+    // After 0.25 s: turned by 0.25 rad about z, the centre moved by 0.05 m; translation = centre + v t − R centre.
+    let (s, c) = 0.25f64.sin_cos();
+    let expected = [1.0 + 0.05 - (c * 1.0 - s * 0.5), 0.5 - (s * 1.0 + c * 0.5), 0.0];
+    for (axis, expected) in ["x", "y", "z"].into_iter().zip(expected) {
+        assert!((last["translation"][axis].as_f64().unwrap() - expected).abs() < 1e-12);
+    }
+    assert!((last["rotation"]["z"].as_f64().unwrap() - 0.125f64.sin()).abs() < 1e-12);
+    assert!((last["rotation"]["w"].as_f64().unwrap() - 0.125f64.cos()).abs() < 1e-12);
+}
+
+#[test]
+fn provenance_is_inside() {
+    let directory = tempfile::tempdir().unwrap();
+    let problem = Problem { preview_points: 100, ..problem(0.05) };
+    let recording = &python(&[], &[record(&problem, directory.path()).recording])[0];
+    let attached = recording["attachments"]["scene.json"].as_str().unwrap();
+    assert_eq!(serde_json::from_str::<Scene>(attached).unwrap(), scene());
+
+    let metadata = &recording["metadata"];
+    assert_eq!(metadata["build"]["version"], env!("CARGO_PKG_VERSION"));
+    assert_ne!(metadata["build"]["target"], "");
+    assert_eq!(metadata["run"]["name"], "recording test");
+    let count = problem.particles.len();
+    assert_eq!(metadata["run"]["particles"], count.to_string());
+    assert_eq!(metadata["run"]["decimation"], (100.0 / count as f64).to_string());
+    assert_eq!(numbers(&messages(recording, "/particles")[0]["content"]["points"]["x"]).len(), 100);
+    assert_eq!(metadata["hardware"]["adapter"], "paper and pencil");
+    assert_eq!(metadata["hardware"]["reason"], "it is a test");
+    assert_eq!(metadata["hardware"]["software"], "false");
+    assert_eq!(metadata["hardware"]["precision"], "f32");
+    assert_eq!(metadata["hardware"]["seed"], "1");
+    assert_eq!(metadata["hardware"]["scene_sha256"].as_str().unwrap().len(), 64);
+    assert_eq!(metadata["result"]["status"], "complete");
+    assert_eq!(metadata["result"]["frames"], "6");
+    assert_eq!(metadata["result"]["steps"], "20");
+    assert_eq!(metadata["result"]["dt_s"].as_str().unwrap().parse::<f64>().unwrap(), 0.0125);
+}

@@ -1,0 +1,214 @@
+//! A small problem, a stand-in for an engine, and the way to the Python reader.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use gridfall::engine::{Backend, Control, Engine, EngineError, FrameStats};
+use gridfall::run::{FrameReport, Observer, Outputs, run};
+use gridfall::scene::schema::Scene;
+use gridfall::sim::collider::{Collider, Motion, Primitive, Sdf, SdfOp};
+use gridfall::sim::particles::{IDENTITY, Particles};
+use gridfall::sim::problem::{Axis, Body, Contact, ContactKind, Field, Problem};
+use serde_json::{Value, json};
+
+/// A stand-in for an engine: particles fly freely and stretch a little.
+pub struct Ballistic {
+    backend: Backend,
+    problem: Problem,
+    pub state: Particles,
+    time_s: f64,
+    frame: u64,
+    /// Fails when it is to compute this frame.
+    fails_at: Option<u64>,
+}
+
+pub const STEPS: u64 = 4;
+
+impl Ballistic {
+    pub fn new(problem: &Problem, fails_at: Option<u64>) -> Self {
+        let backend = Backend {
+            kind: "cpu".into(),
+            device: "paper and pencil".into(),
+            driver: String::new(),
+            software: false,
+            reason: "it is a test".into(),
+        };
+        Self { backend, problem: problem.clone(), state: problem.particles.clone(), time_s: 0.0, frame: 0, fails_at }
+    }
+}
+
+impl Engine for Ballistic {
+    fn backend(&self) -> &Backend {
+        &self.backend
+    }
+
+    fn advance_frame(&mut self, frame_s: f64, control: &dyn Control) -> Result<FrameStats, EngineError> {
+        if control.canceled() {
+            return Err(EngineError::Canceled);
+        }
+        self.frame += 1;
+        if Some(self.frame) == self.fails_at {
+            return Err(EngineError::Diverged { step: 4 * self.frame, time_s: self.time_s, what: "as ordered".into() });
+        }
+        for p in 0..self.state.len() {
+            for a in 0..3 {
+                self.state.x[p][a] += frame_s * self.state.v[p][a];
+                self.state.v[p][a] += frame_s * self.problem.gravity[a];
+            }
+            self.state.f[p][0] *= 1.001;
+        }
+        self.time_s += frame_s;
+        Ok(FrameStats { steps: STEPS, dt_s: frame_s / STEPS as f64, isolated_reset: self.frame % 2 })
+    }
+
+    fn snapshot(&mut self) -> Result<Particles, EngineError> {
+        Ok(self.state.clone())
+    }
+}
+
+/// Counts frames; cancels once it has seen enough.
+pub struct Watch {
+    frames: AtomicU64,
+    cancel_after: u64,
+}
+
+impl Watch {
+    pub fn new(cancel_after: u64) -> Self {
+        Self { frames: AtomicU64::new(0), cancel_after }
+    }
+}
+
+impl Control for Watch {
+    fn canceled(&self) -> bool {
+        self.frames.load(Ordering::SeqCst) >= self.cancel_after
+    }
+}
+
+impl Observer for Watch {
+    fn frame(&self, report: &FrameReport) {
+        assert_eq!(report.frame, self.frames.fetch_add(1, Ordering::SeqCst));
+        assert_eq!(report.steps, STEPS * report.frame);
+        assert_eq!(report.row.frame, report.frame);
+    }
+}
+
+pub fn scene() -> Scene {
+    serde_json::from_value(json!({
+        "gridfall": 1, "name": "recording test",
+        "domain": { "min": [0, 0, 0], "max": [2, 1, 1], "dx": 0.05 },
+        "gravity": [0, 0, -9.81],
+        "materials": {
+            "jelly": { "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 },
+            "water": { "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1e5 }
+        },
+        "bodies": [
+            { "name": "cube", "material": "jelly", "shape": { "box": { "min": [0.2, 0.2, 0.5], "max": [0.5, 0.5, 0.8] } } },
+            { "name": "pool", "material": "water", "shape": { "box": { "min": [0.8, 0.1, 0.1], "max": [1.8, 0.9, 0.4] } } }
+        ],
+        "time": { "end": 0.25, "frame_rate": 20 },
+        "output": { "fields": ["velocity", "J", "von_mises", "pressure"] }
+    }))
+    .unwrap()
+}
+
+/// The scene as a problem, with a lattice of `spacing` in the two boxes.
+pub fn problem(spacing: f64) -> Problem {
+    let scene = scene();
+    let mut particles = Particles::default();
+    let mut bodies = Vec::new();
+    let boxes = [("cube", [0.2, 0.2, 0.5], [0.5, 0.5, 0.8]), ("pool", [0.8, 0.1, 0.1], [1.8, 0.9, 0.4])];
+    for (index, (name, min, max)) in boxes.into_iter().enumerate() {
+        let first = particles.len();
+        let count: [usize; 3] = std::array::from_fn(|a| ((max[a] - min[a]) / spacing).round() as usize);
+        for k in 0..count.iter().product() {
+            let i = [k % count[0], k / count[0] % count[1], k / (count[0] * count[1])];
+            let x = std::array::from_fn(|a| min[a] + (i[a] as f64 + 0.5) * spacing);
+            particles.x.push(x);
+            particles.v.push([0.1 * x[2], 0.0, 0.3 * index as f64 * x[0]]);
+            particles.b.push([0.0; 9]);
+            particles.f.push(IDENTITY);
+            particles.body.push(index as u32);
+        }
+        let volume0 = spacing.powi(3);
+        let particles = first..particles.len();
+        bodies.push(Body { name: name.into(), material: index, particles, volume0, mass: 1000.0 * volume0 });
+    }
+    let solid = |primitive, translation| SdfOp::Primitive { primitive, rotation: IDENTITY, translation };
+    let contact = Contact { kind: ContactKind::Slip, friction: 0.0 };
+    let collider = |name: &str, ops, motion| Collider { name: name.into(), sdf: Sdf { ops }, contact, motion };
+    let spinning =
+        Motion { center: [1.0, 0.5, 0.5], linear_velocity: [0.2, 0.0, 0.0], angular_velocity: [0.0, 0.0, 1.0] };
+    let still = Motion::default();
+    Problem {
+        name: scene.name.clone(),
+        dimension: 3,
+        origin: [0.0; 3],
+        dx: scene.domain.dx,
+        cells: [40, 20, 20],
+        axes: [Axis::Walls([contact; 2]); 3],
+        gravity: [0.0, 0.0, -9.81],
+        materials: scene.materials.values().cloned().collect(),
+        bodies,
+        colliders: vec![
+            collider("paddle", vec![solid(Primitive::Box([0.1, 0.02, 0.2]), [1.0, 0.5, 0.5])], spinning),
+            collider("ring", vec![solid(Primitive::Torus(0.2, 0.05), [0.5, 0.5, 0.2])], still),
+            collider("post", vec![solid(Primitive::Cylinder(0.05, 0.5), [0.7, 0.2, 0.5])], still),
+            collider("ball", vec![solid(Primitive::Sphere(0.1), [1.5, 0.5, 0.8])], still),
+            collider(
+                "bowl",
+                vec![solid(Primitive::Sphere(0.3), [0.4, 0.4, 0.5]), SdfOp::Shell(0.02)],
+                Motion { linear_velocity: [0.0, 0.0, 0.1], ..still },
+            ),
+        ],
+        particles,
+        kernel: scene.solver.kernel,
+        transfer: scene.solver.transfer,
+        precision: scene.solver.precision,
+        cfl: 0.5,
+        max_dt_s: None,
+        frames: 5,
+        frame_s: 0.05,
+        fields: vec![Field::Velocity, Field::J, Field::VonMises, Field::Pressure],
+        preview_points: 200_000,
+        seed: 1,
+    }
+}
+
+pub fn outputs(directory: &Path) -> Outputs {
+    Outputs {
+        recording: directory.join("out.mcap"),
+        thumbnail: Some(directory.join("out.png")),
+        diagnostics: Some(directory.join("out.csv")),
+    }
+}
+
+pub fn record(problem: &Problem, directory: &Path) -> Outputs {
+    let out = outputs(directory);
+    let mut engine = Ballistic::new(problem, None);
+    run(&scene(), problem, &mut engine, &out, &Watch::new(u64::MAX)).unwrap();
+    out
+}
+
+/// What Python says about recordings; `GRIDFALL_PYTHON` names an interpreter with mcap, mcap-protobuf-support and numpy.
+pub fn python(arguments: &[&str], paths: &[PathBuf]) -> Vec<Value> {
+    let interpreter = std::env::var("GRIDFALL_PYTHON").unwrap_or("python3".into());
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/read_recording.py");
+    let output = Command::new(&interpreter).arg(script).args(arguments).args(paths).output();
+    let output = output.unwrap_or_else(|error| panic!("cannot start {interpreter}: {error}"));
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "the Python reader refused the recording:\n{errors}");
+    assert!(errors.is_empty(), "the Python reader warned:\n{errors}");
+    let lines = String::from_utf8(output.stdout).unwrap();
+    let recordings: Vec<Value> = lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(recordings.len(), paths.len());
+    recordings
+}
+
+pub fn messages<'a>(recording: &'a Value, topic: &str) -> Vec<&'a Value> {
+    recording["messages"].as_array().unwrap().iter().filter(|message| message["topic"] == topic).collect()
+}
+
+pub fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
+}
