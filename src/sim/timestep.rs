@@ -68,23 +68,30 @@ impl Bound {
     /// What set the step, and what would lengthen it.
     pub fn explain(self, problem: &Problem) -> String {
         let name = |body: usize| problem.bodies.get(body).map_or("?", |b| b.name.as_str());
+        // The compact kernel's bounds are tighter than the quadratic's, and MLS has the loosest single-particle bound.
+        let kernel = if problem.kernel == Kernel::Compact { ", the quadratic kernel" } else { "" };
+        let transfer = if problem.transfer == Transfer::Mls { "" } else { ", the mls transfer" };
         match self {
             Self::Bulk { body } => format!(
-                "elastic waves in body '{}'; a softer or heavier material, a larger dx or the quadratic kernel lengthen it",
+                "elastic waves in body '{}' (longer with a lower modulus, a higher density{kernel} or a larger dx)",
                 name(body)
             ),
             Self::SingleParticle { body } => format!(
-                "a lone particle of body '{}' must stay stable; a softer, heavier or more compressible material, a larger dx or the mls transfer lengthen it",
+                "stability of a lone particle of body '{}' (longer with a lower modulus, a higher density{transfer}{kernel} or a larger dx)",
                 name(body)
             ),
             Self::Viscosity { body } => {
-                format!("explicit viscosity of body '{}'; a lower viscosity or a larger dx lengthen it", name(body))
+                format!(
+                    "explicit viscosity of body '{}' (longer with a lower viscosity{kernel} or a larger dx)",
+                    name(body)
+                )
             }
             Self::ParticleSpeed => {
-                "particles may cross only a share of a cell; a higher solver.cfl or a larger dx lengthen it".into()
+                "particles that may cross only a share of a cell (longer with a higher solver.cfl or a larger dx)"
+                    .into()
             }
-            Self::MaxDt => "solver.max_dt; raise it or leave it out".into(),
-            Self::Frame => "the frame; a lower time.frame_rate lengthens it".into(),
+            Self::MaxDt => "solver.max_dt".into(),
+            Self::Frame => "the frame: one step each is enough (longer with a lower time.frame_rate)".into(),
         }
     }
 }
