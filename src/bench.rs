@@ -186,7 +186,7 @@ pub fn measure(devices: &Devices, problem: &Problem, case: &str, size: &str) -> 
 
 /// An engine whose kind is known, because only a GPU has stage times.
 enum Measured {
-    Cpu(CpuEngine),
+    Cpu(Box<CpuEngine>),
     Gpu(Box<GpuEngine>),
 }
 
@@ -194,13 +194,13 @@ impl Measured {
     fn load(devices: &Devices, problem: &Problem) -> Result<Self, EngineError> {
         Ok(match devices.gpu() {
             Some(gpu) => Self::Gpu(Box::new(GpuEngine::new(gpu.clone(), problem, devices.reason())?)),
-            None => Self::Cpu(CpuEngine::new(problem)?.because(devices.reason())),
+            None => Self::Cpu(Box::new(CpuEngine::new(problem)?.because(devices.reason()))),
         })
     }
 
     fn get(&mut self) -> &mut dyn Engine {
         match self {
-            Self::Cpu(e) => e,
+            Self::Cpu(e) => e.as_mut(),
             Self::Gpu(e) => e.as_mut(),
         }
     }

@@ -39,7 +39,7 @@ fn scene(kernel: &str, transfer: &str) -> Problem {
                     {{ "box": {{ "min": [0.1, 0.3, 0.2], "max": [0.3, 0.5, 0.4] }} }} ] }} }} }},
                "motion": {{ "linear_velocity": [0.3, 0.1, 0], "angular_velocity": [0, 1, 2] }} }},
             {{ "name": "ring", "contact": "slip", "shape": {{ "torus": {{ "center": [0.4, 0.8, 0.9], "major_radius": 0.2, "minor_radius": 0.07 }} }} }} ],
-        "time": {{ "end": 0.1 }},
+        "time": {{ "end": 0.1, "frame_rate": 50 }},
         "solver": {{ "kernel": "{kernel}", "transfer": "{transfer}" }} }}"#
     ))
 }
@@ -157,7 +157,8 @@ fn stages_agree_on_random_states() {
 fn planted_errors_are_caught() {
     let problem = random_scene("compact", "mls", 21);
     assert!(agrees(step(&problem, &problem)));
-    let planted: [(&str, &dyn Fn(&mut Problem)); 6] = [
+    type Plant<'a> = &'a dyn Fn(&mut Problem);
+    let planted: [(&str, Plant); 6] = [
         ("stiffness off by a thousandth", &|p| {
             let Material::FixedCorotated(e) = &mut p.materials[p.bodies[0].material] else { panic!() };
             e.youngs_modulus *= 1.001;

@@ -44,7 +44,10 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     if arguments.keep {
         println!("\nThe server stays up at {} until Ctrl-C; its jobs are gone with it.", server.url);
         let runtime = runtime()?;
-        let ended = runtime.block_on(async { Ok::<_, io::Error>(interrupt::requested()?.await) });
+        let ended = runtime.block_on(async {
+            interrupt::requested()?.await;
+            Ok::<_, io::Error>(())
+        });
         ended.map_err(|error| CliError::Failed(error.to_string()))?;
     }
     server.stop()

@@ -46,8 +46,7 @@ pub async fn judge<T: Send + 'static>(
     let judged = tokio::task::spawn_blocking(move || {
         // Held here, not by the request: a client that goes away does not make the work cheaper.
         let _permit = permit;
-        let overrides: Vec<String> =
-            request.overrides.iter().map(|(path, value)| format!("{path}={value}")).collect();
+        let overrides: Vec<String> = request.overrides.iter().map(|(path, value)| format!("{path}={value}")).collect();
         admit(request.scene, &overrides, &limits).map(with)
     });
     judged.await.map_err(internal)?.map_err(Problem::invalid_scene)

@@ -1,3 +1,5 @@
+//! Tests of the constitutive laws: stress against energy, rotation, limits.
+
 use rand::{Rng, SeedableRng, rngs::StdRng};
 
 use super::*;

@@ -24,7 +24,7 @@ pub struct Axis<T, const G: usize, const W: usize> {
 
 /// A kernel with `G` grids and `W` nodes per axis and grid.
 pub trait Kernel<const G: usize, const W: usize>: Send + Sync + 'static {
-    /// Node i of grid g lies at i + SHIFT[g].
+    /// Node i of grid g lies at `i + SHIFT[g]`.
     const SHIFT: [f64; G];
     /// Particles at [c + CELL, c + 1 + CELL) touch the same nodes (of the compact kernel: nearly).
     const CELL: f64;

@@ -1,3 +1,5 @@
+//! Tests of the kernels against direct sums in f64.
+
 use std::f64::consts::PI;
 
 use rand::{Rng, SeedableRng, rngs::StdRng};

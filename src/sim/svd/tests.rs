@@ -1,3 +1,5 @@
+//! Tests of the SVD and the polar decomposition by reconstruction.
+
 use rand::{Rng, SeedableRng, rngs::StdRng};
 
 use super::super::linalg::mul;
