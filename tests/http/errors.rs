@@ -62,7 +62,7 @@ fn every_error_is_a_documented_problem() {
         ("POST", "/v1/scenes:validate", &[], "{}", 415, "unsupported_media_type"),
         ("POST", "/v1/jobs", &[JSON], "{", 400, "invalid_json"),
         ("POST", "/v1/jobs", &[JSON], "", 400, "invalid_json"),
-        ("POST", "/v1/scenes:validate", &[JSON], "{\"a\": 1,}", 400, "invalid_json"),
+        ("POST", "/v1/scenes:validate", &[JSON], "{\"scene\": {},}", 400, "invalid_json"),
         ("POST", "/v1/jobs", &[JSON], "[]", 422, "invalid_request"),
         ("POST", "/v1/jobs", &[JSON], "{}", 422, "invalid_request"),
         ("POST", "/v1/jobs", &[JSON], "{\"scene\": {}, \"nmae\": 1}", 422, "invalid_request"),
