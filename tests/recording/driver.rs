@@ -61,7 +61,8 @@ fn failed_and_canceled_runs_keep_what_they_have() {
     let error = run(&scene(), &problem, &mut Ballistic::new(&problem, None), &out, &Watch::new(2)).unwrap_err();
     assert!(matches!(error, RunError::Engine(EngineError::Canceled)));
     let recording = &python(&[], &[out.recording])[0];
-    assert_eq!(messages(recording, "/diagnostics").len(), 2);
+    // The order comes with the second frame's report; the third may be computed and on its way by then.
+    assert!((2..=3).contains(&messages(recording, "/diagnostics").len()));
     assert_eq!(recording["metadata"]["result"]["status"], "canceled");
 }
 
