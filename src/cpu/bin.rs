@@ -1,14 +1,11 @@
-//! Binning: particles in order of (block, body, index), in chunks of one block and body, and the node tables of the blocks.
-
-use std::collections::HashMap;
+//! Binning: particles in order of (block, body, index), in chunks of one block and body.
 
 use rayon::prelude::*;
 
 use super::chunk::{Chunk, LANES};
 use super::grid_update::Grid;
 use super::solver::{Block, Solver};
-use super::tile::{self, BLOCK};
-use crate::sim::kernel::Kernel;
+use super::tile::BLOCK;
 use crate::sim::real::Real;
 
 /// Where a particle goes, and where it is.
@@ -35,63 +32,60 @@ pub fn unpack<const D: usize>(key: u64) -> [i32; D] {
     std::array::from_fn(|a| ((key >> (BITS * (D - 1 - a) as u32)) & ((1 << BITS) - 1)) as i32 - BIAS)
 }
 
-/// The block that a position (dx, relative to `block`) belongs to, and the position relative to that.
+/// The block that a position (dx, relative to `block`) belongs to, and the position relative to that; `cell` as in
+/// [`super::tile::Layout`].
 #[inline]
-pub fn home<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize>(
+pub fn home<T: Real, const D: usize>(
+    cell: f64,
     period: &[Option<i32>; D],
     block: [i32; D],
     x: [T; D],
 ) -> ([i32; D], [T; D]) {
     let (mut to, mut local) = (block, x);
     for a in 0..D {
-        let cell = (x[a] - T::from_f64(K::CELL)).floor_i32();
-        let global = BLOCK * block[a] + cell;
+        let inside = (x[a] - T::from_f64(cell)).floor().to_i32();
+        let global = BLOCK * block[a] + inside;
         let wrapped = period[a].map_or(global, |n| global.rem_euclid(n));
         to[a] = wrapped.div_euclid(BLOCK);
-        local[a] = x[a] - T::from_i32(cell - (wrapped - BLOCK * to[a]));
+        local[a] = x[a] - T::from_i32(inside - (wrapped - BLOCK * to[a]));
     }
     (to, local)
 }
 
-impl<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize> Solver<T, K, D, G, W> {
+/// Writes the state of the particle at an old place to a lane of a chunk.
+type Fill<'a, T, const D: usize> = &'a (dyn Fn(usize, &mut Chunk<T, D>, usize) + Sync);
+
+impl<T: Real, const D: usize> Solver<T, D> {
     /// Sorts particles into blocks by their positions and prepares the nodes of these blocks.
     pub fn bin(&mut self) {
-        let (blocks, period) = (&self.blocks, self.setup.period);
-        let places = self.chunks.par_iter().enumerate().flat_map_iter(|(index, chunk)| {
-            let from = blocks[chunk.block as usize].coordinates;
-            (0..chunk.count).map(move |l| {
-                let x = std::array::from_fn(|a| chunk.x[a][l]);
-                let (block, _) = home::<T, K, D, G, W>(&period, from, x);
-                Place { block: pack(block), id: chunk.id[l], at: (index * LANES + l) as u32 }
-            })
-        });
-        let places: Vec<Place> = places.collect();
-        let mut bodies = vec![0; places.len()];
-        for chunk in &self.chunks {
-            for l in 0..chunk.count {
-                bodies[chunk.id[l] as usize] = chunk.body;
-            }
-        }
+        let (cell, period) = (self.setup.layout.cell, self.setup.period);
         let old = std::mem::take(&mut self.chunks);
         let corners: Vec<[i32; D]> = self.blocks.iter().map(|b| b.coordinates).collect();
-        self.place(places, &bodies, |at, chunk, lane| {
-            let (from, l) = (&old[at / LANES], at % LANES);
-            chunk.copy_state(lane, from, l);
-            let x = std::array::from_fn(|a| from.x[a][l]);
-            let (_, local) = home::<T, K, D, G, W>(&period, corners[from.block as usize], x);
+        let home = |at: usize| {
+            let (chunk, l) = (&old[at / LANES], at % LANES);
+            let x = std::array::from_fn(|a| chunk.x[a][l]);
+            home::<T, D>(cell, &period, corners[chunk.block as usize], x)
+        };
+        let used = (0..old.len() * LANES).into_par_iter().filter(|at| at % LANES < old[at / LANES].count);
+        let place = |at: usize| Place { block: pack(home(at).0), id: old[at / LANES].id[at % LANES], at: at as u32 };
+        let places: Vec<Place> = used.map(place).collect();
+        let mut bodies = vec![0; places.len()];
+        for chunk in &old {
+            for &id in &chunk.id[..chunk.count] {
+                bodies[id as usize] = chunk.body;
+            }
+        }
+        self.place(places, &bodies, &|at, chunk, lane| {
+            chunk.copy_state(lane, &old[at / LANES], at % LANES);
+            let (_, local) = home(at);
             for a in 0..D {
                 chunk.x[a][lane] = local[a];
             }
         });
     }
 
-    /// Builds chunks, blocks and node tables from places. `fill(at, chunk, lane)` writes a particle's state.
-    pub(super) fn place(
-        &mut self,
-        mut places: Vec<Place>,
-        bodies: &[u32],
-        fill: impl Fn(usize, &mut Chunk<T, D>, usize) + Sync,
-    ) {
+    /// Builds blocks, chunks and node tables from places. `bodies` is by index in sampling order.
+    pub(super) fn place(&mut self, mut places: Vec<Place>, bodies: &[u32], fill: Fill<T, D>) {
         places.par_sort_unstable();
         let same_chunk = |a: &Place, b: &Place| a.block == b.block && bodies[a.id as usize] == bodies[b.id as usize];
         let mut runs: Vec<(u32, &[Place])> = Vec::new();
@@ -112,15 +106,16 @@ impl<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize> S
                 fill(place.at as usize, &mut chunk, lane);
             }
             chunk.count = run.len();
-            for a in 0..D {
-                let x = chunk.x[a][0];
-                chunk.x[a][run.len()..].fill(x);
+            // The other lanes rest where a particle of the chunk is: inside the domain.
+            for x in &mut chunk.x {
+                let first = x[0];
+                x[run.len()..].fill(first);
             }
             chunk
         };
         self.chunks = runs.par_iter().map(build).collect();
-        self.tiles = vec![[T::ZERO; 4]; blocks.len() * Self::TILE];
-        self.grid = self.node_tables(&blocks);
+        self.tiles = vec![[T::ZERO; 4]; blocks.len() * self.setup.layout.tile(D)];
+        self.grid = Grid::new(&blocks, &self.setup.layout, &self.setup.period);
         self.blocks = blocks;
     }
 
@@ -133,72 +128,11 @@ impl<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize> S
             [-1 - corner, self.problem.cells[a] as i32 + 1 - corner].map(T::from_i32)
         })
     }
-
-    /// The grid blocks that the tiles cover, and which node each entry of a tile is.
-    fn node_tables(&self, blocks: &[Block<T, D>]) -> Grid<T, D, G> {
-        let n = tile::width(G, W);
-        // Per axis, grid and tile entry: the node's block and place in it, periodic images folded.
-        let axis_nodes = |block: &Block<T, D>, a: usize, g: usize| -> Vec<(i32, usize)> {
-            let first = BLOCK * block.coordinates[a] + self.setup.lowest[g];
-            let fold = |node: i32| self.setup.period[a].map_or(node, |period| node.rem_euclid(period));
-            (first..first + n as i32).map(|i| (fold(i).div_euclid(BLOCK), fold(i).rem_euclid(BLOCK) as usize)).collect()
-        };
-        let all_axes = |block: &Block<T, D>| -> [[Vec<(i32, usize)>; D]; G] {
-            std::array::from_fn(|g| std::array::from_fn(|a| axis_nodes(block, a, g)))
-        };
-        let touched = |block: &Block<T, D>| -> Vec<u64> {
-            let axes = all_axes(block);
-            let mut corners = vec![[0; D]];
-            for a in 0..D {
-                let mut along: Vec<i32> = axes.iter().flat_map(|grid| grid[a].iter().map(|&(b, _)| b)).collect();
-                along.sort_unstable();
-                along.dedup();
-                let extend = |corner: [i32; D]| {
-                    along.iter().map(move |&b| {
-                        let mut next = corner;
-                        next[a] = b;
-                        next
-                    })
-                };
-                corners = corners.into_iter().flat_map(extend).collect();
-            }
-            corners.into_iter().map(pack).collect()
-        };
-        let mut keys: Vec<u64> = blocks.par_iter().flat_map_iter(touched).collect();
-        keys.par_sort_unstable();
-        keys.dedup();
-        let index: HashMap<u64, u32> = keys.iter().zip(0..).map(|(&key, i)| (key, i)).collect();
-
-        let slots_of = |block: &Block<T, D>| -> Vec<u32> {
-            let axes = all_axes(block);
-            let mut slots = Vec::with_capacity(Self::TILE);
-            for (g, grid) in axes.iter().enumerate() {
-                let mut known = (u64::MAX, 0);
-                for entry in 0..n.pow(D as u32) {
-                    let (mut corner, mut local) = ([0; D], g);
-                    for a in 0..D {
-                        let (b, place) = grid[a][entry / n.pow((D - 1 - a) as u32) % n];
-                        corner[a] = b;
-                        local = local * BLOCK as usize + place;
-                    }
-                    let key = pack(corner);
-                    if key != known.0 {
-                        known = (key, index[&key]);
-                    }
-                    slots.push(known.1 * Grid::<T, D, G>::NODES as u32 + local as u32);
-                }
-            }
-            slots
-        };
-        let slots: Vec<Vec<u32>> = blocks.par_iter().map(slots_of).collect();
-        Grid::new(keys.iter().map(|&key| unpack(key)).collect(), slots.concat(), Self::TILE)
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::kernel::{Compact, Quadratic};
 
     #[test]
     fn block_coordinates_pack_and_keep_their_order() {
@@ -210,7 +144,7 @@ mod tests {
 
     #[test]
     fn homes_fold_periodic_axes_of_any_number_of_cells() {
-        let home = |x: f64| home::<f64, Compact, 1, 2, 2>(&[Some(6)], [1], [x]);
+        let home = |x: f64| home(0.0, &[Some(6)], [1], [x]);
         assert_eq!(home(0.5), ([1], [0.5]));
         assert_eq!(home(2.5), ([0], [0.5]));
         assert_eq!(home(-0.5), ([0], [3.5]));
@@ -218,8 +152,8 @@ mod tests {
     }
 
     #[test]
-    fn quadratic_homes_are_shifted_by_half_a_cell() {
-        let home = |x: f64| home::<f64, Quadratic, 1, 1, 3>(&[None], [0], [x]).0[0];
+    fn homes_may_begin_within_a_cell() {
+        let home = |x: f64| home(0.5, &[None], [0], [x]).0[0];
         assert_eq!([0.4, 0.5, 4.4, 4.5].map(home), [-1, 0, 0, 1]);
     }
 }

@@ -68,6 +68,9 @@ impl<T: Real, const D: usize> Chunk<T, D> {
     }
 }
 
+/// A matrix a particle.
+pub type MatrixLanes<T, const D: usize> = [[Lanes<T>; D]; D];
+
 #[inline(always)]
 pub fn vector<T: Real, const D: usize>(lanes: &[Lanes<T>; D], l: usize) -> Vector<T, D> {
     let mut v = [T::ZERO; D];
@@ -135,6 +138,22 @@ impl<T: Real, const D: usize, const G: usize, const W: usize> Stencils<T, D, G, 
             }
         }
         s
+    }
+
+    /// w (x_i − x_p)/dx per axis and node.
+    #[inline(always)]
+    pub fn moments(&self) -> [[[Lanes<T>; W]; G]; D] {
+        let mut moments = self.weight;
+        for a in 0..D {
+            for g in 0..G {
+                for k in 0..W {
+                    for l in 0..LANES {
+                        moments[a][g][k][l] *= self.offset[a][g][l] + T::from_i32(k as i32);
+                    }
+                }
+            }
+        }
+        moments
     }
 
     /// m D⁻¹ at lane l's position.

@@ -4,9 +4,10 @@
 //! (APIC, PIC); F ← (I + dt ∇v) F, a fluid's J ← (1 + dt tr ∇v) J; x ← x + dt v. Single-grid kernels have no ½.
 //! In: node velocities of a tile. Out: particles of its block. One thread a block.
 
-use super::chunk::{Chunk, LANES, Stencils, matrix, set_matrix};
+use super::chunk::{Chunk, LANES, MatrixLanes, Stencils, matrix, set_matrix};
 use super::solver::Setup;
 use super::tile::{BLOCK, Node, SLACK, Walk, add_scaled, index, scale};
+use super::widest::widest;
 use crate::material::Law;
 use crate::sim::kernel::Kernel;
 use crate::sim::linalg::{add_scaled as add_scaled_matrix, mul, trace};
@@ -36,53 +37,54 @@ impl<T: Real> Moves<T> {
     }
 }
 
-/// Moves a chunk's particles with the velocities of its block's tile. `inside` bounds positions (dx, relative to the block).
-#[inline(always)]
-pub fn gather<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize>(
-    setup: &Setup<T, D, G>,
-    chunk: &mut Chunk<T, D>,
-    dt: T,
-    tile: &[Node<T>],
-    inside: &[[T; 2]; D],
-) -> Moves<T> {
-    let stencils = Stencils::<T, D, G, W>::new::<K>(&chunk.x);
-    let (mut b, mut grad_v) = ([[[T::ZERO; LANES]; D]; D], [[[T::ZERO; LANES]; D]; D]);
-    for l in 0..chunk.count {
+widest! {
+    /// Velocities and B of a chunk's particles from the velocities of a tile, and ∇v (1/s).
+    pub fn gather[T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize][T, K, D, G, W](
+        setup: &Setup<T, D>,
+        chunk: &mut Chunk<T, D>,
+        tile: &[Node<T>],
+        grad_v: &mut MatrixLanes<T, D>,
+    ) {
+        let stencils = Stencils::<T, D, G, W>::new::<K>(&chunk.x);
+        let lowest = &setup.layout.lowest;
         if setup.affine {
-            let (v, moment) = gather_lane::<T, D, G, W, false>(setup, &stencils, l, tile);
-            for i in 0..D {
-                chunk.v[i][l] = v[i];
-                for k in 0..D {
-                    b[i][k][l] = moment[k][i];
+            let moments = stencils.moments();
+            for l in 0..chunk.count {
+                let (v, moment) = gather_lane(lowest, &stencils, &moments, l, tile);
+                for i in 0..D {
+                    chunk.v[i][l] = v[i];
+                    for k in 0..D {
+                        chunk.b[i][k][l] = moment[k][i];
+                    }
                 }
             }
         }
         if setup.gradient_form {
-            let (v, slope) = gather_lane::<T, D, G, W, true>(setup, &stencils, l, tile);
-            for i in 0..D {
-                chunk.v[i][l] = v[i];
-                for k in 0..D {
-                    grad_v[i][k][l] = slope[k][i] / setup.dx;
+            for l in 0..chunk.count {
+                let (v, slope) = gather_lane(lowest, &stencils, &stencils.slope, l, tile);
+                for i in 0..D {
+                    chunk.v[i][l] = v[i];
+                    for k in 0..D {
+                        grad_v[i][k][l] = slope[k][i] / setup.dx;
+                    }
                 }
+            }
+        } else {
+            for l in 0..LANES {
+                let c = stencils.times_inverse_moment::<K>(&matrix(&chunk.b, l), l);
+                set_matrix(grad_v, l, &c.map(|row| row.map(|c| c / setup.dx)));
             }
         }
     }
-    if !setup.gradient_form {
-        for l in 0..LANES {
-            let c = stencils.times_inverse_moment::<K>(&matrix(&b, l), l);
-            set_matrix(&mut grad_v, l, &c.map(|row| row.map(|c| c / setup.dx)));
-        }
-    }
-    chunk.b = b;
-    deform(setup, chunk, dt, &grad_v);
-    advect::<T, K, D, G, W>(setup, chunk, dt, inside)
 }
 
-/// ½ Σ_s Σ_i w v_i, and per axis a either ½ Σ_s Σ_i w v_i d_a (d = (x_i − x_p)/dx) or ½ Σ_s Σ_i v_i ∂w/∂x_a dx.
+/// ½ Σ_s Σ_i w v_i, and per axis ½ Σ_s Σ_i v_i `other`, where `other` takes the weight's place on that axis: w d for
+/// B (d = (x_i − x_p)/dx), ∂w/∂x dx for ∇v.
 #[inline(always)]
-fn gather_lane<T: Real, const D: usize, const G: usize, const W: usize, const GRADIENT: bool>(
-    setup: &Setup<T, D, G>,
+fn gather_lane<T: Real, const D: usize, const G: usize, const W: usize>(
+    lowest: &[i32; 2],
     s: &Stencils<T, D, G, W>,
+    other: &[[[[T; LANES]; W]; G]; D],
     l: usize,
     tile: &[Node<T>],
 ) -> (Node<T>, [Node<T>; D]) {
@@ -92,16 +94,10 @@ fn gather_lane<T: Real, const D: usize, const G: usize, const W: usize, const GR
     let (mut total, mut moment) = (zero, [zero; D]);
     for g in 0..G {
         let mut base = [0; D];
-        let (mut weight, mut other) = ([[T::ZERO; W]; D], [[T::ZERO; W]; D]);
         for a in 0..D {
             base[a] = s.base[a][g][l];
-            for k in 0..W {
-                weight[a][k] = s.weight[a][g][k][l];
-                let d = s.offset[a][g][l] + T::from_i32(k as i32);
-                other[a][k] = if GRADIENT { s.slope[a][g][k][l] } else { weight[a][k] * d };
-            }
         }
-        let start = index::<D, G, W>(g, base, setup.lowest[g]);
+        let start = index::<D, G, W>(g, base, lowest[g]);
         for i in 0..walk.outer {
             let (mut sum_i, mut middle_i, mut inner_i) = (zero, zero, zero);
             for j in 0..W {
@@ -109,16 +105,17 @@ fn gather_lane<T: Real, const D: usize, const G: usize, const W: usize, const GR
                 let row = &tile[row..row + W];
                 let (mut sum_j, mut inner_j) = (zero, zero);
                 for k in 0..W {
-                    sum_j = add_scaled(sum_j, weight[inner][k], row[k]);
-                    inner_j = add_scaled(inner_j, other[inner][k], row[k]);
+                    sum_j = add_scaled(sum_j, s.weight[inner][g][k][l], row[k]);
+                    inner_j = add_scaled(inner_j, other[inner][g][k][l], row[k]);
                 }
-                sum_i = add_scaled(sum_i, weight[middle][j], sum_j);
-                middle_i = add_scaled(middle_i, other[middle][j], sum_j);
-                inner_i = add_scaled(inner_i, weight[middle][j], inner_j);
+                sum_i = add_scaled(sum_i, s.weight[middle][g][j][l], sum_j);
+                middle_i = add_scaled(middle_i, other[middle][g][j][l], sum_j);
+                inner_i = add_scaled(inner_i, s.weight[middle][g][j][l], inner_j);
             }
-            let (w_i, other_i) = if D == 3 { (weight[0][i], other[0][i]) } else { (T::ONE, T::ZERO) };
+            let mut w_i = T::ONE;
             if D == 3 {
-                moment[0] = add_scaled(moment[0], other_i, sum_i);
+                w_i = s.weight[0][g][i][l];
+                moment[0] = add_scaled(moment[0], other[0][g][i][l], sum_i);
             }
             total = add_scaled(total, w_i, sum_i);
             moment[middle] = add_scaled(moment[middle], w_i, middle_i);
@@ -129,54 +126,48 @@ fn gather_lane<T: Real, const D: usize, const G: usize, const W: usize, const GR
     (scale(mean, total), moment.map(|m| scale(mean, m)))
 }
 
-/// F ← (I + dt ∇v) F, or a fluid's J ← (1 + dt tr ∇v) J.
-#[inline(always)]
-fn deform<T: Real, const D: usize, const G: usize>(
-    setup: &Setup<T, D, G>,
-    chunk: &mut Chunk<T, D>,
-    dt: T,
-    grad_v: &[[[T; LANES]; D]; D],
-) {
-    if let Law::WeaklyCompressibleFluid(_) = setup.bodies[chunk.body as usize].law {
-        for l in 0..LANES {
-            chunk.f[0][0][l] *= T::ONE + dt * trace(&matrix(grad_v, l));
+widest! {
+    /// F ← (I + dt ∇v) F, or a fluid's J ← (1 + dt tr ∇v) J; x ← x + dt v. `inside` bounds positions (dx, relative to the
+    /// block).
+    pub fn advance[T: Real, const D: usize][T, D](
+        setup: &Setup<T, D>,
+        chunk: &mut Chunk<T, D>,
+        dt: T,
+        grad_v: &MatrixLanes<T, D>,
+        inside: &[[T; 2]; D],
+    ) -> Moves<T> {
+        if let Law::WeaklyCompressibleFluid(_) = setup.bodies[chunk.body as usize].law {
+            for l in 0..LANES {
+                chunk.f[0][0][l] *= T::ONE + dt * trace(&matrix(grad_v, l));
+            }
+            chunk.grad_v = *grad_v;
+        } else {
+            for l in 0..LANES {
+                let f = matrix(&chunk.f, l);
+                let change = mul(&matrix(grad_v, l), &f);
+                set_matrix(&mut chunk.f, l, &add_scaled_matrix(&f, dt, &change));
+            }
         }
-        chunk.grad_v = *grad_v;
-        return;
-    }
-    for l in 0..LANES {
-        let f = matrix(&chunk.f, l);
-        let change = mul(&matrix(grad_v, l), &f);
-        set_matrix(&mut chunk.f, l, &add_scaled_matrix(&f, dt, &change));
-    }
-}
 
-/// x ← x + dt v.
-#[inline(always)]
-fn advect<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize>(
-    setup: &Setup<T, D, G>,
-    chunk: &mut Chunk<T, D>,
-    dt: T,
-    inside: &[[T; 2]; D],
-) -> Moves<T> {
-    let step = dt / setup.dx;
-    let cell = T::from_f64(K::CELL);
-    let (low, high) = (cell - T::from_i32(SLACK), cell + T::from_i32(BLOCK + SLACK));
-    let mut moves = Moves::<T>::default();
-    let mut speed_squared = [T::ZERO; LANES];
-    for a in 0..D {
-        for l in 0..LANES {
-            let x = chunk.x[a][l] + step * chunk.v[a][l];
-            chunk.x[a][l] = x;
-            speed_squared[l] += chunk.v[a][l] * chunk.v[a][l];
-            moves.strayed |= !((x >= low) & (x < high));
-            moves.outside |= (x < inside[a][0]) | (x > inside[a][1]);
+        let step = dt / setup.dx;
+        let cell = T::from_f64(setup.layout.cell);
+        let (low, high) = (cell - T::from_i32(SLACK), cell + T::from_i32(BLOCK + SLACK));
+        let mut moves = Moves::<T>::default();
+        let mut speed_squared = [T::ZERO; LANES];
+        for a in 0..D {
+            for l in 0..LANES {
+                let x = chunk.x[a][l] + step * chunk.v[a][l];
+                chunk.x[a][l] = x;
+                speed_squared[l] += chunk.v[a][l] * chunk.v[a][l];
+                moves.strayed |= (x < low) | (x >= high);
+                moves.outside |= (x < inside[a][0]) | (x > inside[a][1]);
+            }
         }
+        for l in 0..LANES {
+            moves.speed_squared = moves.speed_squared.max(speed_squared[l]);
+            let share = speed_squared[l] * step * step;
+            moves.diverged |= (share >= T::ONE) | !share.is_finite();
+        }
+        moves
     }
-    for l in 0..LANES {
-        moves.speed_squared = moves.speed_squared.max(speed_squared[l]);
-        let share = speed_squared[l] * step * step;
-        moves.diverged |= share >= T::ONE || !share.is_finite();
-    }
-    moves
 }

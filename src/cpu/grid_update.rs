@@ -5,22 +5,18 @@
 
 use rayon::prelude::*;
 
-use super::tile::{BLOCK, MASS, Node};
+use super::solver::Block;
+use super::tables::Tables;
+use super::tile::{BLOCK, Layout, MASS, Node};
 use crate::sim::collider::{Collider, NORMAL_STEP_DX};
 use crate::sim::contact::{respond, wall_side};
 use crate::sim::problem::{Axis, Problem};
 use crate::sim::real::Real;
 
-/// Sparse grid: blocks of 4^D nodes on each of `G` grids, and how tiles map onto them.
+/// Node velocities on sparse blocks of 4^D nodes.
 #[derive(Clone, Debug, Default)]
-pub struct Grid<T, const D: usize, const G: usize> {
-    blocks: Vec<[i32; D]>,
-    /// Node of every entry of every tile.
-    slots: Vec<u32>,
-    tile: usize,
-    /// Entries of tiles by node: those of node i are `entries[first[i]..first[i + 1]]`, in the order of their blocks.
-    first: Vec<u32>,
-    entries: Vec<u32>,
+pub struct Grid<T, const D: usize> {
+    tables: Tables<D>,
     velocities: Vec<Node<T>>,
 }
 
@@ -38,34 +34,18 @@ pub struct NodeState {
     pub velocity: [f64; 3],
 }
 
-impl<T: Real, const D: usize, const G: usize> Grid<T, D, G> {
-    /// Nodes of a grid block.
-    pub const NODES: usize = G * (BLOCK as usize).pow(D as u32);
-
-    /// `slots[t * tile + e]` is the node of entry e of tile t.
-    pub fn new(blocks: Vec<[i32; D]>, slots: Vec<u32>, tile: usize) -> Self {
-        let nodes = blocks.len() * Self::NODES;
-        let mut first = vec![0; nodes + 1];
-        for &slot in &slots {
-            first[slot as usize + 1] += 1;
-        }
-        for i in 0..nodes {
-            first[i + 1] += first[i];
-        }
-        let mut next = first.clone();
-        let mut entries = vec![0; slots.len()];
-        for (entry, &slot) in slots.iter().enumerate() {
-            entries[next[slot as usize] as usize] = entry as u32;
-            next[slot as usize] += 1;
-        }
-        Self { blocks, slots, tile, first, entries, velocities: vec![[T::ZERO; 4]; nodes] }
+impl<T: Real, const D: usize> Grid<T, D> {
+    /// The nodes that the tiles of `blocks` reach.
+    pub fn new(blocks: &[Block<T, D>], layout: &Layout, period: &[Option<i32>; D]) -> Self {
+        let corners: Vec<[i32; D]> = blocks.iter().map(|b| b.coordinates).collect();
+        let tables = Tables::new(&corners, layout, period);
+        let velocities = vec![[T::ZERO; 4]; tables.nodes()];
+        Self { tables, velocities }
     }
 
     /// Copies the velocities of a tile's nodes.
-    #[inline(always)]
     pub fn load_tile(&self, tile: usize, into: &mut [Node<T>]) {
-        let slots = &self.slots[tile * self.tile..(tile + 1) * self.tile];
-        for (node, &slot) in into.iter_mut().zip(slots) {
+        for (node, &slot) in into.iter_mut().zip(self.tables.tile(tile)) {
             *node = self.velocities[slot as usize];
         }
     }
@@ -73,7 +53,7 @@ impl<T: Real, const D: usize, const G: usize> Grid<T, D, G> {
     #[inline(always)]
     fn sum(&self, node: usize, tiles: &[Node<T>]) -> Node<T> {
         let mut total = [T::ZERO; 4];
-        for &entry in &self.entries[self.first[node] as usize..self.first[node + 1] as usize] {
+        for &entry in self.tables.entries(node) {
             let part = &tiles[entry as usize];
             for c in 0..4 {
                 total[c] += part[c];
@@ -82,22 +62,23 @@ impl<T: Real, const D: usize, const G: usize> Grid<T, D, G> {
         total
     }
 
-    /// `shift[g]`: where node 0 of grid g lies (dx).
-    pub fn update(&mut self, problem: &Problem, tiles: &[Node<T>], shift: [f64; G], dt_s: f64, time_s: f64) {
+    /// `shift`: where node 0 of each grid lies (dx).
+    pub fn update(&mut self, problem: &Problem, tiles: &[Node<T>], shift: [f64; 2], dt_s: f64, time_s: f64) {
         let fall: [T; D] = std::array::from_fn(|a| T::from_f64(dt_s * problem.gravity[a]));
         let mut velocities = std::mem::take(&mut self.velocities);
-        let blocks = velocities.par_chunks_exact_mut(Self::NODES).zip(&self.blocks).enumerate();
+        let nodes = self.tables.block_nodes();
+        let blocks = velocities.par_chunks_exact_mut(nodes).zip(&self.tables.blocks).enumerate();
         blocks.for_each(|(index, (block, corner))| {
             let near = colliders_near(problem, corner, time_s);
             for (local, velocity) in block.iter_mut().enumerate() {
-                let node = self.sum(index * Self::NODES + local, tiles);
+                let node = self.sum(index * nodes + local, tiles);
                 *velocity = [T::ZERO; 4];
                 // Momentum over a mass that is not a normal number would be noise; w v of such a node is nothing.
                 if node[MASS] < T::TINY {
                     continue;
                 }
                 let v = std::array::from_fn(|a| node[a] / node[MASS] + fall[a]);
-                let (g, i) = Self::node(corner, local);
+                let (g, i) = Tables::node(corner, local);
                 let v = walls(problem, v, i, shift[g]);
                 let v = near.iter().fold(v, |v, collider| collide(problem, collider, v, i, shift[g], time_s));
                 velocity[..D].copy_from_slice(&v);
@@ -106,20 +87,14 @@ impl<T: Real, const D: usize, const G: usize> Grid<T, D, G> {
         self.velocities = velocities;
     }
 
-    /// Grid and index of a block's local node.
-    fn node(corner: &[i32; D], local: usize) -> (usize, [i32; D]) {
-        let side = BLOCK as usize;
-        let place = |a: usize| (local / side.pow((D - 1 - a) as u32) % side) as i32;
-        (local / side.pow(D as u32), std::array::from_fn(|a| BLOCK * corner[a] + place(a)))
-    }
-
     /// All nodes with mass.
     pub fn nodes(&self, tiles: &[Node<T>]) -> Vec<NodeState> {
         let mut nodes = Vec::new();
         for slot in 0..self.velocities.len() {
             let sum = self.sum(slot, tiles);
             if sum[MASS] > T::ZERO {
-                let (grid, i) = Self::node(&self.blocks[slot / Self::NODES], slot % Self::NODES);
+                let block_nodes = self.tables.block_nodes();
+                let (grid, i) = Tables::node(&self.tables.blocks[slot / block_nodes], slot % block_nodes);
                 let (mut index, mut momentum, mut velocity) = ([0; 3], [0.0; 3], [0.0; 3]);
                 for a in 0..D {
                     index[a] = i[a];

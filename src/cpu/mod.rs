@@ -7,10 +7,13 @@ mod chunk;
 mod engine;
 mod g2p;
 mod grid_update;
+mod interpolation;
 mod p2g;
 mod solver;
 mod stages;
+mod tables;
 mod tile;
+mod widest;
 
 pub use engine::CpuEngine;
 pub use grid_update::NodeState;

@@ -3,59 +3,61 @@
 //! C = B D(x)⁻¹ at the particle's new position. Force: −V0 τ D⁻¹ (x_i − x_p) w (MLS) or −V0 τ ∇w (APIC, PIC).
 //! In: particles of a block. Out: its tile. One thread a block.
 
-use super::chunk::{Chunk, LANES, Lanes, Stencils, matrix, set_matrix};
-use super::solver::{BodySetup, Setup};
-use super::tile::{MASS, Node, Walk, add_scaled, index, scale, width};
+use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, Stencils, matrix, set_matrix};
+use super::solver::Setup;
+use super::tile::{MASS, Node, Walk, add_scaled, index, scale};
+use super::widest::widest;
 use crate::material::Law;
 use crate::sim::kernel::Kernel;
 use crate::sim::linalg::{Matrix, scaled_identity};
 use crate::sim::real::Real;
-use crate::sim::svd::{polar_by_svd, polar_newton};
+use crate::sim::svd::{NEWTON_STEPS, is_regular, newton_step, polar_by_svd};
 
-/// Adds a chunk's particles to its block's tile.
-#[inline(always)]
-pub fn scatter<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize>(
-    setup: &Setup<T, D, G>,
-    chunk: &Chunk<T, D>,
-    dt: T,
-    tile: &mut [Node<T>],
-) {
-    let body = &setup.bodies[chunk.body as usize];
-    let stencils = Stencils::<T, D, G, W>::new::<K>(&chunk.x);
-    let tau = stress(body, chunk);
+widest! {
+    /// Adds a chunk's particles, whose stresses are `tau`, to its block's tile.
+    pub fn scatter[T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize][T, K, D, G, W](
+        setup: &Setup<T, D>,
+        chunk: &Chunk<T, D>,
+        dt: T,
+        tau: &MatrixLanes<T, D>,
+        tile: &mut [Node<T>],
+    ) {
+        let body = &setup.bodies[chunk.body as usize];
+        let stencils = Stencils::<T, D, G, W>::new::<K>(&chunk.x);
 
-    // Momentum is w (m v + affine d) − Σ_a force_a ∂w/∂x_a with d = (x_i − x_p)/dx.
-    let (mut affine, mut force) = ([[[T::ZERO; LANES]; D]; D], [[[T::ZERO; LANES]; D]; D]);
-    let impulse = dt * body.volume0 / setup.dx;
-    for l in 0..LANES {
-        let (b, tau) = (matrix(&chunk.b, l), matrix(&tau, l));
-        let (mut moment, mut pull) = (b, tau);
-        for i in 0..D {
-            for k in 0..D {
-                pull[i][k] = -impulse * tau[i][k];
-                moment[i][k] = body.mass * b[i][k] + if setup.gradient_form { T::ZERO } else { pull[i][k] };
+        // Momentum is w (m v + affine d) − Σ_a pull_a ∂w/∂x_a with d = (x_i − x_p)/dx.
+        let (mut affine, mut pulls) = ([[[T::ZERO; LANES]; D]; D], [[[T::ZERO; LANES]; D]; D]);
+        let impulse = dt * body.volume0 / setup.dx;
+        for l in 0..LANES {
+            let (mut moment, mut pull) = (matrix(&chunk.b, l), matrix(tau, l));
+            for i in 0..D {
+                for k in 0..D {
+                    pull[i][k] *= -impulse;
+                    moment[i][k] = body.mass * moment[i][k] + if setup.gradient_form { T::ZERO } else { pull[i][k] };
+                }
             }
+            set_matrix(&mut affine, l, &stencils.times_inverse_moment::<K>(&moment, l));
+            set_matrix(&mut pulls, l, &pull);
         }
-        set_matrix(&mut affine, l, &stencils.times_inverse_moment::<K>(&moment, l));
-        set_matrix(&mut force, l, &pull);
-    }
-    for l in 0..chunk.count {
-        // Columns as nodes: what a step along an axis changes.
-        let mut column = [[T::ZERO; 4]; D];
-        let mut pull = [[T::ZERO; 4]; D];
-        let mut value = [T::ZERO; 4];
-        for i in 0..D {
-            value[i] = body.mass * chunk.v[i][l];
-            for k in 0..D {
-                column[k][i] = affine[i][k][l];
-                pull[k][i] = force[i][k][l];
+        for l in 0..chunk.count {
+            // Columns as nodes: what a step along an axis changes.
+            let mut column = [[T::ZERO; 4]; D];
+            let mut pull = [[T::ZERO; 4]; D];
+            let mut value = [T::ZERO; 4];
+            for i in 0..D {
+                value[i] = body.mass * chunk.v[i][l];
+                for k in 0..D {
+                    column[k][i] = affine[i][k][l];
+                    pull[k][i] = pulls[i][k][l];
+                }
             }
-        }
-        value[MASS] = body.mass;
-        if setup.gradient_form {
-            scatter_lane::<T, D, G, W, true>(setup, &stencils, l, value, &column, &pull, tile);
-        } else {
-            scatter_lane::<T, D, G, W, false>(setup, &stencils, l, value, &column, &pull, tile);
+            value[MASS] = body.mass;
+            let lowest = &setup.layout.lowest;
+            if setup.gradient_form {
+                scatter_lane::<T, D, G, W, true>(lowest, &stencils, l, value, &column, &pull, tile);
+            } else {
+                scatter_lane::<T, D, G, W, false>(lowest, &stencils, l, value, &column, &pull, tile);
+            }
         }
     }
 }
@@ -63,7 +65,7 @@ pub fn scatter<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W
 /// Adds w (value + Σ_a column_a d_a) and, in the gradient form, Σ_a pull_a ∂w/∂x_a to the particle's nodes.
 #[inline(always)]
 fn scatter_lane<T: Real, const D: usize, const G: usize, const W: usize, const GRADIENT: bool>(
-    setup: &Setup<T, D, G>,
+    lowest: &[i32; 2],
     s: &Stencils<T, D, G, W>,
     l: usize,
     value: Node<T>,
@@ -80,7 +82,7 @@ fn scatter_lane<T: Real, const D: usize, const G: usize, const W: usize, const G
             base[a] = s.base[a][g][l];
             origin = add_scaled(origin, s.offset[a][g][l], column[a]);
         }
-        let start = index::<D, G, W>(g, base, setup.lowest[g]);
+        let start = index::<D, G, W>(g, base, lowest[g]);
         for i in 0..walk.outer {
             let (at_i, w_i, slope_i) = if D == 3 {
                 (add_scaled(origin, T::from_i32(i as i32), column[0]), s.weight[0][g][i][l], s.slope[0][g][i][l])
@@ -112,55 +114,67 @@ fn scatter_lane<T: Real, const D: usize, const G: usize, const W: usize, const G
     }
 }
 
-/// Kirchhoff stress τ (Pa) of the particles of a chunk.
-#[inline(always)]
-fn stress<T: Real, const D: usize>(body: &BodySetup<T>, chunk: &Chunk<T, D>) -> [[Lanes<T>; D]; D] {
-    let mut tau = [[[T::ZERO; LANES]; D]; D];
-    match &body.law {
-        Law::FixedCorotated(law) => {
-            let mut rotation = tau;
-            let mut converged = [true; LANES];
-            for l in 0..LANES {
-                let (r, ok) = polar_newton(&matrix(&chunk.f, l));
-                set_matrix(&mut rotation, l, &r);
-                converged[l] = ok;
+widest! {
+    /// Kirchhoff stress τ (Pa) of the particles of a chunk.
+    pub fn stress[T: Real, const D: usize][T, D](law: &Law<T>, chunk: &Chunk<T, D>, tau: &mut MatrixLanes<T, D>) {
+        match law {
+            Law::FixedCorotated(law) => {
+                let rotation = rotations(&chunk.f);
+                for l in 0..LANES {
+                    set_matrix(tau, l, &law.kirchhoff_with_rotation(&matrix(&chunk.f, l), &matrix(&rotation, l)));
+                }
             }
-            if converged.contains(&false) {
-                rotate_the_rest(chunk, &converged, &mut rotation);
+            Law::NeoHookean(law) => {
+                for l in 0..LANES {
+                    set_matrix(tau, l, &law.kirchhoff(&matrix(&chunk.f, l)));
+                }
             }
-            for l in 0..LANES {
-                let t = law.kirchhoff_with_rotation(&matrix(&chunk.f, l), &matrix(&rotation, l));
-                set_matrix(&mut tau, l, &t);
-            }
-        }
-        Law::NeoHookean(law) => {
-            for l in 0..LANES {
-                set_matrix(&mut tau, l, &law.kirchhoff(&matrix(&chunk.f, l)));
-            }
-        }
-        Law::WeaklyCompressibleFluid(law) => {
-            for l in 0..LANES {
-                set_matrix(&mut tau, l, &law.kirchhoff(chunk.f[0][0][l], &matrix(&chunk.grad_v, l)));
+            Law::WeaklyCompressibleFluid(law) => {
+                for l in 0..LANES {
+                    set_matrix(tau, l, &law.kirchhoff(chunk.f[0][0][l], &matrix(&chunk.grad_v, l)));
+                }
             }
         }
     }
-    tau
+}
+
+/// Polar rotations of the particles of a chunk.
+#[inline(always)]
+fn rotations<T: Real, const D: usize>(f: &MatrixLanes<T, D>) -> MatrixLanes<T, D> {
+    let mut rotation = *f;
+    // Newton's iteration in step, so that the loops over lanes are vectorised.
+    let mut done = [false; LANES];
+    for _ in 0..NEWTON_STEPS {
+        for l in 0..LANES {
+            let (next, converged) = newton_step(&matrix(&rotation, l));
+            set_matrix(&mut rotation, l, &next);
+            done[l] = converged;
+        }
+        if !done.contains(&false) {
+            break;
+        }
+    }
+    for l in 0..LANES {
+        done[l] &= is_regular(&matrix(f, l));
+    }
+    if done.contains(&false) {
+        rotate_the_rest(f, &done, &mut rotation);
+    }
+    rotation
 }
 
 /// Polar rotations of the particles that the fast path refused.
 #[cold]
 #[inline(never)]
 fn rotate_the_rest<T: Real, const D: usize>(
-    chunk: &Chunk<T, D>,
-    converged: &Lanes<bool>,
-    rotation: &mut [[Lanes<T>; D]; D],
+    f: &MatrixLanes<T, D>,
+    done: &Lanes<bool>,
+    rotation: &mut MatrixLanes<T, D>,
 ) {
-    for l in (0..LANES).filter(|&l| !converged[l]) {
-        let f: Matrix<T, D> = matrix(&chunk.f, l);
+    for l in (0..LANES).filter(|&l| !done[l]) {
+        let f: Matrix<T, D> = matrix(f, l);
         // A state that is not finite has no rotation; it shows as a velocity that is not finite in the next G2P.
         let finite = f.iter().flatten().all(|x| x.is_finite());
         set_matrix(rotation, l, &if finite { polar_by_svd(&f) } else { scaled_identity(T::ONE) });
     }
 }
-
-const _: () = assert!(width(2, 2) == 8 && width(1, 3) == 8);

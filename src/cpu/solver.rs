@@ -1,15 +1,15 @@
-//! The explicit solver, generic in scalar, kernel and dimension, as stages that tests can call one at a time.
+//! The explicit solver, generic in scalar and dimension, as stages that tests can call one at a time.
 
 use rayon::prelude::*;
 
-use super::bin;
-use super::chunk::{Chunk, LANES, Stencils, matrix, set_matrix};
+use super::bin::{self, Place};
+use super::chunk::{Chunk, MatrixLanes, matrix, set_matrix};
 use super::g2p::{self, Moves};
 use super::grid_update::Grid;
+use super::interpolation::{Interpolation, interpolation};
 use super::p2g;
-use super::tile::{self, BLOCK, Node};
+use super::tile::{BLOCK, Layout, Node};
 use crate::material::Law;
-use crate::sim::kernel::Kernel;
 use crate::sim::linalg::{det, double_dot, from_row_major, scaled_identity, to_row_major};
 use crate::sim::particles::Particles;
 use crate::sim::problem::{Axis, Problem, Transfer};
@@ -25,17 +25,22 @@ pub struct BodySetup<T> {
     pub volume0: T,
 }
 
+impl<T> BodySetup<T> {
+    pub fn is_fluid(&self) -> bool {
+        matches!(self.law, Law::WeaklyCompressibleFluid(_))
+    }
+}
+
 /// What stays the same during a run, in the solver's scalar.
 #[derive(Clone, Debug)]
-pub struct Setup<T, const D: usize, const G: usize> {
+pub struct Setup<T, const D: usize> {
     pub dx: T,
     pub bodies: Vec<BodySetup<T>>,
     /// Forces by ∇w instead of D⁻¹ (x_i − x_p) w, ∇v likewise.
     pub gradient_form: bool,
     /// Particles carry B.
     pub affine: bool,
-    /// Lowest node of a tile, per grid, relative to its block.
-    pub lowest: [i32; G],
+    pub layout: Layout,
     /// Cells per axis if periodic.
     pub period: [Option<i32>; D],
 }
@@ -51,44 +56,43 @@ pub struct Block<T, const D: usize> {
 }
 
 /// A particle simulation whose stages have the names of the GPU's.
-pub struct Solver<T, K, const D: usize, const G: usize, const W: usize> {
-    pub(super) setup: Setup<T, D, G>,
+pub struct Solver<T, const D: usize> {
+    pub(super) setup: Setup<T, D>,
+    /// Without particles.
     pub(super) problem: Problem,
+    interpolation: Box<dyn Interpolation<T, D>>,
     pub(super) chunks: Vec<Chunk<T, D>>,
     pub(super) blocks: Vec<Block<T, D>>,
     /// One tile a block, filled by P2G.
     pub(super) tiles: Vec<Node<T>>,
-    pub(super) grid: Grid<T, D, G>,
-    kernel: std::marker::PhantomData<K>,
+    pub(super) grid: Grid<T, D>,
 }
 
-impl<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize> Solver<T, K, D, G, W> {
-    pub(super) const TILE: usize = tile::size(D, G, W);
-
+impl<T: Real, const D: usize> Solver<T, D> {
     pub fn new(problem: &Problem) -> Self {
         let bodies = problem.bodies.iter().map(|body| BodySetup {
             law: Law::new(&problem.materials[body.material]),
             mass: T::from_f64(body.mass),
             volume0: T::from_f64(body.volume0),
         });
+        let interpolation = interpolation(problem.kernel);
+        let periodic = |a: usize| matches!(problem.axes[a], Axis::Periodic).then_some(problem.cells[a] as i32);
         let setup = Setup {
             dx: T::from_f64(problem.dx),
             bodies: bodies.collect(),
             gradient_form: problem.transfer != Transfer::Mls,
             affine: problem.transfer != Transfer::Pic,
-            lowest: tile::lowest::<K, G, W>(),
-            period: std::array::from_fn(|a| {
-                matches!(problem.axes[a], Axis::Periodic).then_some(problem.cells[a] as i32)
-            }),
+            layout: interpolation.layout(),
+            period: std::array::from_fn(periodic),
         };
         let mut solver = Self {
             setup,
             problem: Problem { particles: Particles::default(), ..problem.clone() },
+            interpolation,
             chunks: Vec::new(),
             blocks: Vec::new(),
             tiles: Vec::new(),
             grid: Grid::default(),
-            kernel: std::marker::PhantomData,
         };
         solver.load(&problem.particles);
         solver
@@ -96,25 +100,25 @@ impl<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize> S
 
     /// Replaces all particle states, and bins.
     pub fn load(&mut self, particles: &Particles) {
-        let (origin, dx, period) = (self.problem.origin, self.problem.dx, self.setup.period);
-        let laws: Vec<Law<T>> = self.setup.bodies.iter().map(|b| b.law).collect();
+        let (origin, dx) = (self.problem.origin, self.problem.dx);
+        let (cell, period, bodies) = (self.setup.layout.cell, self.setup.period, self.setup.bodies.clone());
         let home = |i: usize| {
             let x = std::array::from_fn(|a| (particles.x[i][a] - origin[a]) / dx);
-            bin::home::<f64, K, D, G, W>(&period, [0; D], x)
+            bin::home::<f64, D>(cell, &period, [0; D], x)
         };
-        let place = |i: usize| bin::Place { block: bin::pack(home(i).0), id: i as u32, at: i as u32 };
+        let place = |i: usize| Place { block: bin::pack(home(i).0), id: i as u32, at: i as u32 };
         let places = (0..particles.len()).into_par_iter().map(place).collect();
-        self.place(places, &particles.body, |i, chunk, lane| {
+        self.place(places, &particles.body, &|i, chunk, lane| {
             let (_, local) = home(i);
-            let f = from_row_major::<f64, 3>(&particles.f[i]);
             for a in 0..D {
                 chunk.x[a][lane] = T::from_f64(local[a]);
                 chunk.v[a][lane] = T::from_f64(particles.v[i][a]);
             }
             set_matrix(&mut chunk.b, lane, &from_row_major(&particles.b[i].map(|b| b / dx)));
-            let state = match laws[particles.body[i] as usize] {
-                Law::WeaklyCompressibleFluid(_) => scaled_identity(T::from_f64(det(&f))),
-                _ => from_row_major(&particles.f[i]),
+            let state = if bodies[particles.body[i] as usize].is_fluid() {
+                scaled_identity(T::from_f64(det(&from_row_major::<f64, 3>(&particles.f[i]))))
+            } else {
+                from_row_major(&particles.f[i])
             };
             set_matrix(&mut chunk.f, lane, &state);
             chunk.id[lane] = i as u32;
@@ -126,15 +130,10 @@ impl<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize> S
     /// a run continued from a snapshot is the run that was not interrupted.
     pub fn start_frame(&mut self) {
         self.bin();
-        let setup = &self.setup;
+        let (setup, interpolation) = (&self.setup, &self.interpolation);
         self.chunks.par_iter_mut().for_each(|chunk| {
-            if !setup.affine || !matches!(setup.bodies[chunk.body as usize].law, Law::WeaklyCompressibleFluid(_)) {
-                return;
-            }
-            let stencils = Stencils::<T, D, G, W>::new::<K>(&chunk.x);
-            for l in 0..LANES {
-                let c = stencils.times_inverse_moment::<K>(&matrix(&chunk.b, l), l);
-                set_matrix(&mut chunk.grad_v, l, &c.map(|row| row.map(|c| c / setup.dx)));
+            if setup.affine && setup.bodies[chunk.body as usize].is_fluid() {
+                chunk.grad_v = interpolation.affine_rates(setup, chunk);
             }
         });
     }
@@ -151,7 +150,7 @@ impl<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize> S
         };
         for chunk in &self.chunks {
             let corner = self.blocks[chunk.block as usize].coordinates;
-            let fluid = matches!(self.setup.bodies[chunk.body as usize].law, Law::WeaklyCompressibleFluid(_));
+            let fluid = self.setup.bodies[chunk.body as usize].is_fluid();
             for l in 0..chunk.count {
                 let id = chunk.id[l] as usize;
                 for a in 0..D {
@@ -178,10 +177,10 @@ impl<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize> S
     /// Largest speed (m/s) and largest ‖C‖ (Frobenius, 1/s), C = B D⁻¹, of all particles.
     pub fn fastest(&self) -> (f64, f64) {
         let of_chunk = |chunk: &Chunk<T, D>| {
-            let stencils = Stencils::<T, D, G, W>::new::<K>(&chunk.x);
+            let rates = self.interpolation.affine_rates(&self.setup, chunk);
             let (mut speed, mut rate) = (T::ZERO, T::ZERO);
             for l in 0..chunk.count {
-                let c = stencils.times_inverse_moment::<K>(&matrix(&chunk.b, l), l);
+                let c = matrix(&rates, l);
                 rate = rate.max(double_dot(&c, &c));
                 speed = speed.max((0..D).map(|a| chunk.v[a][l] * chunk.v[a][l]).sum());
             }
@@ -189,65 +188,66 @@ impl<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize> S
         };
         let max = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
         let (speed, rate) = self.chunks.par_iter().map(of_chunk).reduce(|| (0.0, 0.0), max);
-        (speed.sqrt(), rate.sqrt() / self.problem.dx)
+        (speed.sqrt(), rate.sqrt())
     }
 
     /// Particles → tiles, forces for a step of `dt_s` included.
     pub fn p2g(&mut self, dt_s: f64) {
-        let (setup, dt) = (&self.setup, T::from_f64(dt_s));
-        let tiles = self.tiles.par_chunks_exact_mut(Self::TILE);
-        tiles.zip(&self.blocks).for_each(|(tile, block)| {
-            tile.fill([T::ZERO; 4]);
-            for chunk in &self.chunks[block.chunks.clone()] {
-                p2g::scatter::<T, K, D, G, W>(setup, chunk, dt, tile);
-            }
-        });
+        self.step_blocks(dt_s, false, true);
     }
 
     /// Tiles → node velocities at the end of a step of `dt_s` that starts at `time_s`.
     pub fn grid_update(&mut self, dt_s: f64, time_s: f64) {
-        let shift = K::SHIFT;
-        self.grid.update(&self.problem, &self.tiles, shift, dt_s, time_s);
+        self.grid.update(&self.problem, &self.tiles, self.setup.layout.shift, dt_s, time_s);
     }
 
     /// Node velocities → particles; the last step of a frame.
     pub fn g2p(&mut self, dt_s: f64) -> Moves<T> {
-        self.move_particles(dt_s, false)
+        self.step_blocks(dt_s, true, false)
     }
 
     /// [`Self::g2p`] and the next step's [`Self::p2g`] while a block's particles are in cache. If particles strayed from
     /// their tiles, these are not usable: bin, then P2G.
     pub fn g2p2g(&mut self, dt_s: f64) -> Moves<T> {
-        self.move_particles(dt_s, true)
+        self.step_blocks(dt_s, true, true)
     }
 
-    fn move_particles(&mut self, dt_s: f64, then_p2g: bool) -> Moves<T> {
-        let (setup, grid, dt) = (&self.setup, &self.grid, T::from_f64(dt_s));
+    fn step_blocks(&mut self, dt_s: f64, g2p: bool, p2g: bool) -> Moves<T> {
+        let (setup, interpolation, grid) = (&self.setup, &*self.interpolation, &self.grid);
+        let dt = T::from_f64(dt_s);
+        let tile_size = setup.layout.tile(D);
         let mut rest = self.chunks.as_mut_slice();
         let mut work = Vec::with_capacity(self.blocks.len());
-        for (block, tile) in self.blocks.iter().zip(self.tiles.chunks_exact_mut(Self::TILE)) {
+        for (block, tile) in self.blocks.iter().zip(self.tiles.chunks_exact_mut(tile_size)) {
             let (chunks, after) = rest.split_at_mut(block.chunks.len());
             rest = after;
             work.push((block, chunks, tile));
         }
-        work.into_par_iter()
-            .enumerate()
-            .map_init(
-                || vec![[T::ZERO; 4]; Self::TILE],
-                |velocities, (index, (block, chunks, tile))| {
-                    grid.load_tile(index, velocities);
-                    let mut moves = Moves::default();
-                    tile.fill([T::ZERO; 4]);
-                    for chunk in chunks {
-                        let moved = g2p::gather::<T, K, D, G, W>(setup, chunk, dt, velocities, &block.inside);
-                        moves = moves.and(moved);
-                        if then_p2g && !(moves.strayed || moves.diverged) {
-                            p2g::scatter::<T, K, D, G, W>(setup, chunk, dt, tile);
-                        }
-                    }
-                    moves
-                },
-            )
-            .reduce(Moves::default, Moves::and)
+        // One thread a block; a block's particles go to its own tile.
+        let step = |velocities: &mut Vec<Node<T>>, (index, (block, chunks, tile)): (usize, BlockWork<T, D>)| {
+            if g2p {
+                grid.load_tile(index, velocities);
+            }
+            if p2g {
+                tile.fill([T::ZERO; 4]);
+            }
+            let mut moves = Moves::default();
+            let mut scratch: MatrixLanes<T, D> = chunks[0].b;
+            for chunk in chunks {
+                if g2p {
+                    interpolation.gather(setup, chunk, velocities, &mut scratch);
+                    moves = moves.and(g2p::advance(setup, chunk, dt, &scratch, &block.inside));
+                }
+                if p2g && !(moves.strayed || moves.diverged) {
+                    p2g::stress(&setup.bodies[chunk.body as usize].law, chunk, &mut scratch);
+                    interpolation.scatter(setup, chunk, dt, &scratch, tile);
+                }
+            }
+            moves
+        };
+        let velocities = || vec![[T::ZERO; 4]; tile_size];
+        work.into_par_iter().enumerate().map_init(velocities, step).reduce(Moves::default, Moves::and)
     }
 }
+
+type BlockWork<'a, T, const D: usize> = (&'a Block<T, D>, &'a mut [Chunk<T, D>], &'a mut [Node<T>]);

@@ -3,9 +3,8 @@
 use super::g2p::Moves;
 use super::grid_update::NodeState;
 use super::solver::Solver;
-use crate::sim::kernel::{Compact, Cubic, Kernel as KernelForm, Linear, Quadratic};
 use crate::sim::particles::Particles;
-use crate::sim::problem::{Kernel, Precision, Problem};
+use crate::sim::problem::{Precision, Problem};
 use crate::sim::real::Real;
 
 /// What the particles did in a step.
@@ -46,7 +45,7 @@ pub trait Stages: Send {
     fn fastest(&self) -> (f64, f64);
 }
 
-impl<T: Real, K: KernelForm<G, W>, const D: usize, const G: usize, const W: usize> Stages for Solver<T, K, D, G, W> {
+impl<T: Real, const D: usize> Stages for Solver<T, D> {
     fn load(&mut self, particles: &Particles) {
         Solver::load(self, particles);
     }
@@ -90,21 +89,12 @@ impl<T: Real> From<Moves<T>> for Moved {
     }
 }
 
-/// The solver for a problem's dimension, precision and kernel, loaded with its particles.
+/// The solver for a problem's dimension and precision, loaded with its particles.
 pub fn stages(problem: &Problem) -> Box<dyn Stages> {
     match (problem.dimension, problem.precision) {
-        (2, Precision::F32) => with_kernel::<f32, 2>(problem),
-        (2, Precision::F64) => with_kernel::<f64, 2>(problem),
-        (_, Precision::F32) => with_kernel::<f32, 3>(problem),
-        (_, Precision::F64) => with_kernel::<f64, 3>(problem),
-    }
-}
-
-fn with_kernel<T: Real, const D: usize>(problem: &Problem) -> Box<dyn Stages> {
-    match problem.kernel {
-        Kernel::Compact => Box::new(Solver::<T, Compact, D, 2, 2>::new(problem)),
-        Kernel::Quadratic => Box::new(Solver::<T, Quadratic, D, 1, 3>::new(problem)),
-        Kernel::Cubic => Box::new(Solver::<T, Cubic, D, 1, 4>::new(problem)),
-        Kernel::Linear => Box::new(Solver::<T, Linear, D, 1, 2>::new(problem)),
+        (2, Precision::F32) => Box::new(Solver::<f32, 2>::new(problem)),
+        (2, Precision::F64) => Box::new(Solver::<f64, 2>::new(problem)),
+        (_, Precision::F32) => Box::new(Solver::<f32, 3>::new(problem)),
+        (_, Precision::F64) => Box::new(Solver::<f64, 3>::new(problem)),
     }
 }

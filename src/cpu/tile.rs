@@ -24,14 +24,38 @@ pub const fn width(grids: usize, nodes: usize) -> usize {
     (BLOCK + 2 * SLACK) as usize - 1 + nodes + shifted
 }
 
-/// Nodes of a tile, all grids.
-pub const fn size(dimension: usize, grids: usize, nodes: usize) -> usize {
-    grids * width(grids, nodes).pow(dimension as u32)
+/// What a kernel asks of blocks, grid and tiles, as numbers: all but the transfers themselves is compiled once for all.
+#[derive(Clone, Copy, Debug)]
+pub struct Layout {
+    /// 1, or 2 for the dual pair.
+    pub grids: usize,
+    /// Where node 0 of each grid lies (dx).
+    pub shift: [f64; 2],
+    /// Block b is home to the positions from 4 b + `cell` on.
+    pub cell: f64,
+    /// Nodes of a tile along an axis.
+    pub width: usize,
+    /// Index of the lowest node of a tile on each grid, relative to the block's node 0.
+    pub lowest: [i32; 2],
 }
 
-/// Index of the lowest node of a tile, relative to the block's node 0.
-pub fn lowest<K: Kernel<G, W>, const G: usize, const W: usize>() -> [i32; G] {
-    K::axis(K::CELL - SLACK as f64).base
+impl Layout {
+    pub fn of<K: Kernel<G, W>, const G: usize, const W: usize>() -> Self {
+        let lowest = K::axis(K::CELL - SLACK as f64).base;
+        let (first, last) = (0, G - 1);
+        Self {
+            grids: G,
+            shift: [K::SHIFT[first], K::SHIFT[last]],
+            cell: K::CELL,
+            width: width(G, W),
+            lowest: [lowest[first], lowest[last]],
+        }
+    }
+
+    /// Nodes of a tile, all grids.
+    pub fn tile(&self, dimension: usize) -> usize {
+        self.grids * self.width.pow(dimension as u32)
+    }
 }
 
 /// Where in a tile the node `base` (relative to the block) of grid `g` is.
@@ -78,7 +102,7 @@ mod tests {
     use crate::sim::kernel::{Compact, Cubic, Linear, Quadratic};
 
     fn check<K: Kernel<G, W>, const G: usize, const W: usize>() {
-        let lowest = lowest::<K, G, W>();
+        let lowest = Layout::of::<K, G, W>().lowest;
         let (first, last) = (K::CELL - SLACK as f64, K::CELL + (BLOCK + SLACK) as f64 - 1e-9);
         for x in [first, first + 0.3, 0.0, 2.7, last - 0.3, last] {
             for g in 0..G {

@@ -119,8 +119,9 @@ impl Kernel<2, 2> for Compact {
         let (mut u, mut v) = ([T::ZERO; 2], [T::ZERO; 2]);
         for g in 0..2 {
             let shifted = x - T::from_f64(Self::SHIFT[g]);
-            base[g] = shifted.floor_i32();
-            u[g] = shifted - T::from_i32(base[g]);
+            let node = shifted.floor();
+            base[g] = node.to_i32();
+            u[g] = shifted - node;
             v[g] = u[g].min(T::ONE - u[g]);
         }
         let a = v[0].min(v[1]);
@@ -157,11 +158,11 @@ impl Kernel<1, 2> for Linear {
 
     #[inline(always)]
     fn axis<T: Real>(x: T) -> Axis<T, 1, 2> {
-        let base = x.floor_i32();
-        let u = x - T::from_i32(base);
+        let node = x.floor();
+        let u = x - node;
         let rest = T::ONE - u;
         Axis {
-            base: [base],
+            base: [node.to_i32()],
             offset: [-u],
             weight: [[rest, u]],
             slope: [[-T::ONE, T::ONE]],
@@ -178,14 +179,14 @@ impl Kernel<1, 3> for Quadratic {
 
     #[inline(always)]
     fn axis<T: Real>(x: T) -> Axis<T, 1, 3> {
-        let base = (x - T::HALF).floor_i32();
+        let node = (x - T::HALF).floor();
         // From the middle node, in [-½, ½).
-        let r = x - T::from_i32(base + 1);
+        let r = (x - node) - T::ONE;
         let (left, right) = (T::HALF - r, T::HALF + r);
         let weight = [T::HALF * left * left, T::from_f64(0.75) - r * r, T::HALF * right * right];
         Axis {
-            base: [base],
-            offset: [-(r + T::ONE)],
+            base: [node.to_i32()],
+            offset: [node - x],
             weight: [weight],
             slope: [[-left, -T::TWO * r, right]],
             spread: T::from_f64(0.25),
@@ -201,13 +202,13 @@ impl Kernel<1, 4> for Cubic {
 
     #[inline(always)]
     fn axis<T: Real>(x: T) -> Axis<T, 1, 4> {
-        let cell = x.floor_i32();
-        let u = x - T::from_i32(cell);
+        let node = x.floor();
+        let u = x - node;
         let r = T::ONE - u;
         let (sixth, half, c) = (T::from_f64(1.0 / 6.0), T::HALF, T::from_f64(1.5));
         let inner = |u: T| (half * u - T::ONE) * u * u + T::from_f64(2.0 / 3.0);
         Axis {
-            base: [cell - 1],
+            base: [node.to_i32() - 1],
             offset: [-(u + T::ONE)],
             weight: [[sixth * r * r * r, inner(u), inner(r), sixth * u * u * u]],
             slope: [[-half * r * r, (c * u - T::TWO) * u, -(c * r - T::TWO) * r, half * u * u]],

@@ -39,8 +39,10 @@ pub trait Real:
     fn from_f64(x: f64) -> Self;
     fn to_f64(self) -> f64;
     fn from_i32(i: i32) -> Self;
-    /// Largest whole number not above `self`, which must fit an i32.
-    fn floor_i32(self) -> i32;
+    /// Largest whole number not above `self`, for |self| < 2²¹.
+    fn floor(self) -> Self;
+    /// A whole number below 2²¹ as an integer.
+    fn to_i32(self) -> i32;
     fn sqrt(self) -> Self;
     fn abs(self) -> Self;
     fn max(self, other: Self) -> Self;
@@ -53,7 +55,7 @@ pub trait Real:
 }
 
 macro_rules! real {
-    ($t:ident) => {
+    ($t:ident, $shift:expr) => {
         impl Real for $t {
             const ZERO: Self = 0.0;
             const HALF: Self = 0.5;
@@ -75,10 +77,15 @@ macro_rules! real {
                 i as $t
             }
             #[inline(always)]
-            fn floor_i32(self) -> i32 {
-                // Without SSE4.1 `floor` is a library call; truncation and a correction are not.
-                let i = self as i32;
-                i - (i as $t > self) as i32
+            fn floor(self) -> Self {
+                // Adding 1.5 · 2^mantissa rounds to the nearest whole number. Unlike the standard library's `floor` and
+                // `as i32` this is vectorised on every processor.
+                let nearest = (self + $shift) - $shift;
+                if nearest > self { nearest - 1.0 } else { nearest }
+            }
+            #[inline(always)]
+            fn to_i32(self) -> i32 {
+                ((self + $shift).to_bits() as i32).wrapping_sub($shift.to_bits() as i32)
             }
             #[inline(always)]
             fn sqrt(self) -> Self {
@@ -120,8 +127,8 @@ macro_rules! real {
     };
 }
 
-real!(f32);
-real!(f64);
+real!(f32, 12_582_912.0f32);
+real!(f64, 6_755_399_441_055_744.0f64);
 
 #[cfg(test)]
 mod tests {
@@ -129,9 +136,12 @@ mod tests {
 
     #[test]
     fn floor_rounds_down_on_both_sides_of_zero() {
-        for (x, i) in [(0.0, 0), (0.9, 0), (1.0, 1), (-0.1, -1), (-1.0, -1), (-1.5, -2), (7.999, 7)] {
-            assert_eq!(Real::floor_i32(x), i);
-            assert_eq!((x as f32).floor_i32(), i);
+        let cases = [(0.0, 0), (0.9, 0), (1.0, 1), (1.5, 1), (2.5, 2), (-0.1, -1), (-1.0, -1), (-1.5, -2), (7.999, 7)];
+        for (x, i) in cases.into_iter().chain([(2e6 + 0.75, 2_000_000), (-2e6 - 0.75, -2_000_001)]) {
+            assert_eq!(Real::floor(x), i as f64);
+            assert_eq!(Real::floor(x).to_i32(), i);
+            assert_eq!(Real::floor(x as f32), i as f32);
+            assert_eq!(Real::floor(x as f32).to_i32(), i);
         }
     }
 }

@@ -138,42 +138,52 @@ pub fn polar_by_svd<T: Real, const D: usize>(f: &Matrix<T, D>) -> Matrix<T, D> {
     mul_transpose(&u, &v)
 }
 
-/// Newton steps of the fast path; 6 reach rounding in f64 for every condition number that it takes.
-const NEWTON_STEPS: usize = 6;
+/// Newton steps after which the fast path gives up; in f64 they reach rounding for every F that it takes.
+pub const NEWTON_STEPS: usize = 7;
 
 /// The fast path takes F with det F above this share of ‖F‖ᴰ (Frobenius): nearer to singular, the sign of det F and
 /// the iteration lose digits that the SVD keeps.
 const NEWTON_DETERMINANT: f64 = 1e-3;
 
-/// The fast path of [`polar_rotation`]: Newton's iteration X ← ½ (γ X + X⁻ᵀ/γ) with Frobenius scaling
-/// γ² = ‖X⁻ᵀ‖/‖X‖ (Higham 1986, "Computing the polar decomposition"). A fixed number of steps and no branch, so that a
-/// loop over particles is vectorised. The flag says whether R is the answer: false for det F <= 0 and ill-conditioned F.
-#[inline(always)]
+/// The fast path of [`polar_rotation`], and whether it arrived: Newton's iteration from F, see [`newton_step`].
 pub fn polar_newton<T: Real, const D: usize>(f: &Matrix<T, D>) -> (Matrix<T, D>, bool) {
     let mut x = *f;
-    let mut change = T::ONE;
     for _ in 0..NEWTON_STEPS {
-        let cof = cofactor(&x);
-        let j = dot(&x[0], &cof[0]);
-        let ratio = (double_dot(&cof, &cof) / double_dot(&x, &x)).sqrt(); // ‖cof‖/‖X‖ = j ‖X⁻ᵀ‖/‖X‖
-        let gamma = (ratio / j.abs()).sqrt();
-        let (a, b) = (T::HALF * gamma, T::HALF / (gamma * j));
-        let mut next = x;
-        for i in 0..D {
-            for k in 0..D {
-                next[i][k] = a * x[i][k] + b * cof[i][k];
-            }
-        }
-        let step = add_scaled(&next, -T::ONE, &x);
-        change = double_dot(&step, &step);
+        let (next, converged) = newton_step(&x);
         x = next;
+        if converged {
+            return (x, is_regular(f));
+        }
     }
+    (x, false)
+}
+
+/// Whether Newton's iteration can be trusted with F: det F well above 0.
+#[inline(always)]
+pub fn is_regular<T: Real, const D: usize>(f: &Matrix<T, D>) -> bool {
     let square = double_dot(f, f);
     let size = if D == 2 { square } else { square * square.sqrt() };
-    let regular = det(f) > T::from_f64(NEWTON_DETERMINANT) * size;
+    det(f) > T::from_f64(NEWTON_DETERMINANT) * size
+}
+
+/// X ← ½ (γ X + X⁻ᵀ/γ) with Frobenius scaling γ² = ‖X⁻ᵀ‖/‖X‖ (Higham 1986, "Computing the polar decomposition"), and
+/// whether the result is a rotation to rounding. No branch: a loop over particles is vectorised.
+#[inline(always)]
+pub fn newton_step<T: Real, const D: usize>(x: &Matrix<T, D>) -> (Matrix<T, D>, bool) {
+    let cof = cofactor(x);
+    let j = dot(&x[0], &cof[0]);
+    let ratio = (double_dot(&cof, &cof) / double_dot(x, x)).sqrt(); // ‖cof‖/‖X‖ = |j| ‖X⁻ᵀ‖/‖X‖
+    let gamma = (ratio / j.abs()).sqrt();
+    let (a, b) = (T::HALF * gamma, T::HALF / (gamma * j));
+    let mut next = *x;
+    for i in 0..D {
+        for k in 0..D {
+            next[i][k] = a * x[i][k] + b * cof[i][k];
+        }
+    }
+    let step = add_scaled(&next, -T::ONE, x);
     // Convergence is quadratic: a last step of size s leaves an error of s²/2. NaN compares false.
-    let converged = regular & (change < T::EPSILON);
-    (x, converged)
+    (next, double_dot(&step, &step) < T::EPSILON)
 }
 
 #[cfg(test)]

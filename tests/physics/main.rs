@@ -3,4 +3,5 @@
 mod conservation;
 mod contact;
 mod elastic;
+mod one_step;
 mod problems;
