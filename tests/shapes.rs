@@ -53,6 +53,14 @@ fn inside(shape: &Shape, x: Point) -> bool {
             let (along, across) = split(center, axis);
             along.abs() < 0.5 * height && across < *radius
         }
+        Shape::Capsule { center, axis, radius, height } => {
+            let (along, across) = split(center, axis);
+            (along.abs() - 0.5 * height).max(0.0).hypot(across) < *radius
+        }
+        Shape::Cone { base, axis, radius, top_radius, height } => {
+            let (along, across) = split(base, axis);
+            0.0 < along && along < *height && across < radius + (top_radius - radius) * along / height
+        }
         Shape::Torus { center, axis, major_radius, minor_radius } => {
             let (along, across) = split(center, axis);
             (across - major_radius).hypot(along) < *minor_radius
@@ -66,6 +74,11 @@ fn inside(shape: &Shape, x: Point) -> bool {
             let center = center.clone().unwrap_or(vec![0.0; 3]);
             let back = rotate_back(&turn(axis, *angle_degrees), minus(&center));
             inside(shape, [0, 1, 2].map(|a| back[a] + center[a]))
+        }
+        Shape::Scale { factor, center, shape } => {
+            let center = center.clone().unwrap_or(vec![0.0; 3]);
+            let back = minus(&center);
+            inside(shape, [0, 1, 2].map(|a| center[a] + back[a] / factor))
         }
         Shape::Shell { .. } => unreachable!("a shell is defined by the distance"),
     }
@@ -110,6 +123,15 @@ fn primitive() -> impl Strategy<Value = Shape> {
             radius,
             height
         }),
+        (vector(), axis(), size(), size()).prop_map(|(center, axis, radius, height)| Shape::Capsule {
+            center,
+            axis,
+            radius,
+            height
+        }),
+        (vector(), axis(), size(), prop_oneof![Just(0.0), 0.1..0.8], size()).prop_map(
+            |(base, axis, radius, top_radius, height)| Shape::Cone { base, axis, radius, top_radius, height }
+        ),
         (vector(), axis(), 0.3..0.8, 0.05..0.29).prop_map(|(center, axis, major_radius, minor_radius)| {
             Shape::Torus { center, axis, major_radius, minor_radius }
         }),
@@ -125,6 +147,11 @@ fn shape() -> impl Strategy<Value = Shape> {
             parts(1).prop_map(Shape::Intersection),
             parts(2).prop_map(Shape::Difference),
             (vector(), part.clone()).prop_map(|(offset, s)| Shape::Translate { offset, shape: Box::new(s) }),
+            (0.3..3.0, prop::option::of(vector()), part.clone()).prop_map(|(factor, center, s)| Shape::Scale {
+                factor,
+                center,
+                shape: Box::new(s)
+            }),
             (axis(), -180.0..180.0, prop::option::of(vector()), part.clone()).prop_map(
                 |(axis, angle_degrees, center, s)| {
                     Shape::Rotate { axis, angle_degrees, center, shape: Box::new(s) }
@@ -222,6 +249,21 @@ fn distances_move_and_turn_with_the_shape() {
 }
 
 #[test]
+fn distances_grow_with_the_shape() {
+    check((shape(), 0.2..5.0, vector(), point()), |(shape, factor, center, x)| {
+        let (small, thickness) = (sdf(&shape), 0.05);
+        let scale = |shape| Shape::Scale { factor, center: Some(center.clone()), shape: Box::new(shape) };
+        let there = [0, 1, 2].map(|a| center[a] + factor * (x[a] - center[a]));
+        let (large, still) = (sdf(&scale(shape.clone())).distance(there), small.distance(x));
+        prop_assert!((large - factor * still).abs() < 1e-11, "{large} against {factor} times {still}");
+        let shell = Shape::Shell { thickness, shape: Box::new(shape) };
+        let (large, still) = (sdf(&scale(shell.clone())).distance(there), sdf(&shell).distance(x));
+        prop_assert!((large - factor * still).abs() < 1e-11, "shell: {large} against {factor} times {still}");
+        Ok(())
+    });
+}
+
+#[test]
 fn distances_never_rise_faster_than_the_way() {
     check((shape(), point(), point()), |(shape, x, y)| {
         let sdf = sdf(&shape);
@@ -277,6 +319,15 @@ fn sampled_mass_is_volume_times_density() {
             PI * 0.25 * 1.1,
         ),
         (
+            json!({ "capsule": { "center": [0, 0, 0], "axis": [1, -2, 1], "radius": 0.4, "height": 0.8 } }),
+            PI * 0.16 * 0.8 + 4.0 / 3.0 * PI * 0.064,
+        ),
+        (
+            json!({ "scale": { "factor": 1.5, "shape": {
+                "cone": { "base": [-0.2, 0.1, -0.3], "axis": [1, 1, 2], "radius": 0.5, "top_radius": 0.2, "height": 0.7 } } } }),
+            1.5f64.powi(3) * PI / 3.0 * 0.7 * (0.25 + 0.1 + 0.04),
+        ),
+        (
             json!({ "torus": { "center": [0, 0, 0], "axis": [1, 0, 1], "major_radius": 0.7, "minor_radius": 0.25 } }),
             2.0 * PI * PI * 0.7 * 0.0625,
         ),
@@ -290,7 +341,7 @@ fn sampled_mass_is_volume_times_density() {
             1.0 - PI * 0.09,
         ),
     ];
-    for sampling in ["regular", "jittered"] {
+    for sampling in ["regular", "jittered", "poisson-disk"] {
         for (shape, volume) in &cases {
             let mut document =
                 serde_json::to_value(scene_with(&serde_json::from_value(shape.clone()).unwrap())).unwrap();

@@ -260,6 +260,8 @@ fn sdf_op(op: &SdfOp, origin: [f64; 3]) -> layout::SdfOp {
                 Primitive::Cylinder(radius, half_height) => (2, [radius as f32, half_height as f32, 0.0]),
                 Primitive::Torus(major, minor) => (3, [major as f32, minor as f32, 0.0]),
                 Primitive::HalfSpace => (4, [0.0; 3]),
+                Primitive::Capsule(radius, half) => (5, [radius as f32, half as f32, 0.0]),
+                Primitive::Cone(base, top, half) => (6, [base as f32, top as f32, half as f32]),
             };
             // local = R (x + origin - t) for x relative to the domain.
             let row = |i: usize| {

@@ -107,7 +107,18 @@ fn draw(problem: &Problem, sdf: &Sdf, entity: &mut SceneEntity) {
                     color,
                 });
             }
-            Primitive::Torus(..) | Primitive::HalfSpace => {}
+            // The viewer's scales are those of the two ends against the larger of the two.
+            Primitive::Cone(base, top, half) => {
+                let r = base.max(top);
+                return entity.cylinders.push(CylinderPrimitive {
+                    pose,
+                    size: Some(vector([2.0 * r, 2.0 * r, 2.0 * half])),
+                    bottom_scale: base / r,
+                    top_scale: top / r,
+                    color,
+                });
+            }
+            Primitive::Capsule(..) | Primitive::Torus(..) | Primitive::HalfSpace => {}
         }
     }
     let [domain_lower, domain_upper] = domain_box(problem);

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::sampling::Lattice;
-use super::schema::{self, Boundary, ContactKind, Material, Scene, Transfer};
+use super::schema::{self, Boundary, ContactKind, Material, Sampling, Scene, Transfer};
 use super::solid::{sdf, vector3};
 use crate::sim::collider::{Collider, Motion, Sdf, rotate};
 use crate::sim::moments::moment_matrix;
@@ -142,7 +142,10 @@ fn add_body(problem: &mut Problem, scene: &Scene, body: &schema::Body, index: us
         .collect();
 
     let material_law = &problem.materials[material];
-    let volume0 = dx.powi(d as i32) / f64::from(per_cell);
+    let volume0 = match body.sampling {
+        Sampling::Regular | Sampling::Jittered => dx.powi(d as i32) / f64::from(per_cell),
+        Sampling::PoissonDisk => lattice.volume(&sdf) / x.len().max(1) as f64,
+    };
     let particles = &mut problem.particles;
     let start = particles.len();
     particles.f.resize(start + x.len(), deformation(body, material_law, d));

@@ -7,6 +7,7 @@ mod document;
 pub mod estimate;
 mod fault;
 pub mod overrides;
+mod poisson;
 mod sampling;
 pub mod schema;
 mod solid;
@@ -98,12 +99,7 @@ pub fn problem(scene: &Scene, limits: &Limits) -> Result<Problem, Vec<Fault>> {
     for (n, body) in problem.bodies.iter().enumerate() {
         if body.particles.is_empty() {
             let at = format!("/bodies/{n}/shape");
-            faults.add(
-                &at,
-                "no_particles",
-                "no jittered particle fell into the shape",
-                "make the shape larger or lower dx",
-            );
+            faults.add(&at, "no_particles", "no random point fell into the shape", "make the shape larger or lower dx");
         }
     }
     let plan = plan_frame(&problem, initial_speed_m_s(&problem), initial_affine_rate_1_s(&problem), problem.frame_s);

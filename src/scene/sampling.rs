@@ -12,6 +12,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
+use super::poisson::Darts;
 use super::schema::Sampling;
 use crate::sim::collider::Sdf;
 
@@ -23,6 +24,9 @@ const FAR: f64 = (1u64 << 38) as f64;
 
 /// Blocks of the lattice are split down to this many points.
 const LEAF_POINTS: u64 = 512;
+
+/// Points on each axis, for one of the lattice, that measure a volume.
+const FINER: i64 = 4;
 
 /// Points near the surface that are tested for each point that may be inside, before a count is given up.
 const TESTS_PER_POINT: u64 = 16;
@@ -88,6 +92,27 @@ impl Lattice {
         Self { range, ..self.clone() }
     }
 
+    /// Poisson-disk sampling with as many points.
+    pub fn darts(&self) -> Darts {
+        Darts::new(self.origin, self.spacing.powi(-(self.dimension as i32)), self.dimension)
+    }
+
+    /// The box that the lattice's cells fill, lower then upper corner.
+    pub fn bounds(&self) -> [[f64; 3]; 2] {
+        let corner = |i: &dyn Fn(usize) -> i64| self.point([i(0), i(1), i(2)], [0.0; 3]);
+        [corner(&|a| self.range[a].start), corner(&|a| self.range[a].end)]
+    }
+
+    /// The solid's volume (m^d) in the lattice's range, from points `FINER` times as close.
+    pub fn volume(&self, sdf: &Sdf) -> f64 {
+        let range = std::array::from_fn(|a| {
+            if a < self.dimension { FINER * self.range[a].start..FINER * self.range[a].end } else { 0..1 }
+        });
+        let fine = Self { spacing: self.spacing / FINER as f64, range, ..*self };
+        let inside = fine.count(sdf, u64::MAX).expect("a count without a limit");
+        inside as f64 * fine.spacing.powi(self.dimension as i32)
+    }
+
     /// Number of points looked at; the methods below want it below 2⁶³.
     pub fn candidates(&self) -> f64 {
         self.range.iter().map(|r| (r.end - r.start) as f64).product()
@@ -146,17 +171,21 @@ impl Lattice {
     }
 
     /// The points inside the solid, block by block; the order and the random draws depend on nothing but the arguments.
+    ///
+    /// Poisson-disk points are as dense as the lattice, in the part of space that it covers.
     pub fn sample(&self, sdf: &Sdf, sampling: Sampling, seed: u64, body: u64) -> Vec<[f64; 3]> {
+        if sampling == Sampling::PoissonDisk {
+            return self.darts().throw(sdf, self.bounds(), seed, body);
+        }
         let mut leaves = Vec::new();
         self.leaves(sdf, self.range.clone(), &mut leaves);
         let sampled: Vec<Vec<[f64; 3]>> = leaves
             .par_iter()
             .map(|block| {
                 let mut random = random(seed, body, block);
-                let point = |i| match sampling {
-                    Sampling::Regular => self.point(i, [0.5; 3]),
-                    Sampling::Jittered => self.point(i, std::array::from_fn(|_| random.random())),
-                };
+                let jittered = sampling == Sampling::Jittered;
+                let point =
+                    |i| self.point(i, if jittered { std::array::from_fn(|_| random.random()) } else { [0.5; 3] });
                 indices(block).map(point).filter(|&x| self.inside(sdf, x)).collect()
             })
             .collect();

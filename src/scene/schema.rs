@@ -179,6 +179,8 @@ pub enum Sampling {
     Regular,
     /// One point drawn uniformly in each cell of that lattice, seeded.
     Jittered,
+    /// Points at random with a least distance between them, seeded; `particles_per_cell` of them a cell on average.
+    PoissonDisk,
 }
 
 /// A closed shape; in 2D its cross-section.
@@ -199,6 +201,24 @@ pub enum Shape {
         #[serde(default = "default_axis")]
         axis: Vector,
         radius: f64,
+        height: f64,
+    },
+    /// A cylinder with half-spheres on its ends; `height` is the length of the axis between their centres (3D only).
+    Capsule {
+        center: Vector,
+        #[serde(default = "default_axis")]
+        axis: Vector,
+        radius: f64,
+        height: f64,
+    },
+    /// A cone from the disc of `radius` about `base`, `height` along `axis`, to a point or to the disc of `top_radius` (3D only).
+    Cone {
+        base: Vector,
+        #[serde(default = "default_axis")]
+        axis: Vector,
+        radius: f64,
+        #[serde(default)]
+        top_radius: f64,
         height: f64,
     },
     /// A ring about `axis` (3D only).
@@ -227,6 +247,13 @@ pub enum Shape {
         #[serde(default = "default_axis")]
         axis: Vector,
         angle_degrees: f64,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        center: Option<Vector>,
+        shape: Box_,
+    },
+    /// Made larger by `factor` about `center` (default: origin).
+    Scale {
+        factor: f64,
         #[serde(default, skip_serializing_if = "Option::is_none")]
         center: Option<Vector>,
         shape: Box_,

@@ -1,4 +1,4 @@
-//! Shapes to signed distance programs: rigid transforms are folded into the primitives.
+//! Shapes to signed distance programs: placements and factors of scale are folded into the primitives, whose distances stay exact.
 
 use super::schema::Shape;
 use crate::sim::collider::{FLAT_HALF_EXTENT, Primitive, Sdf, SdfOp, axis_angle, rotate};
@@ -12,12 +12,14 @@ pub fn vector3(v: &[f64]) -> [f64; 3] {
 /// The signed distance program of a valid shape.
 pub fn sdf(shape: &Shape, dimension: usize) -> Sdf {
     let mut ops = Vec::new();
-    compile(shape, &Frame { rotation: IDENTITY, translation: [0.0; 3] }, dimension, &mut ops);
+    let world = Frame { scale: 1.0, rotation: IDENTITY, translation: [0.0; 3] };
+    compile(shape, &world, dimension, &mut ops);
     Sdf { ops }
 }
 
-/// A rigid placement: x_world = rotation x_local + translation.
+/// A placement: x_world = scale rotation x_local + translation.
 struct Frame {
+    scale: f64,
     rotation: [f64; 9],
     translation: [f64; 3],
 }
@@ -25,15 +27,17 @@ struct Frame {
 impl Frame {
     /// The frame of something placed at `translation` with `rotation` inside this one.
     fn then(&self, rotation: &[f64; 9], translation: [f64; 3]) -> Self {
-        let t = rotate(&self.rotation, translation);
+        let t = rotate(&self.rotation, translation.map(|t| self.scale * t));
         Self {
+            scale: self.scale,
             rotation: product(&self.rotation, rotation),
             translation: std::array::from_fn(|a| self.translation[a] + t[a]),
         }
     }
 
     fn primitive(&self, primitive: Primitive) -> SdfOp {
-        SdfOp::Primitive { primitive, rotation: transposed(&self.rotation), translation: self.translation }
+        let (rotation, translation) = (transposed(&self.rotation), self.translation);
+        SdfOp::Primitive { primitive: primitive.scaled(self.scale), rotation, translation }
     }
 }
 
@@ -55,6 +59,13 @@ fn compile(shape: &Shape, frame: &Frame, dimension: usize, ops: &mut Vec<SdfOp>)
         Shape::Cylinder { center, axis, radius, height } => {
             ops.push(place(vector3(center), vector3(axis)).primitive(Primitive::Cylinder(*radius, 0.5 * height)));
         }
+        Shape::Capsule { center, axis, radius, height } => {
+            ops.push(place(vector3(center), vector3(axis)).primitive(Primitive::Capsule(*radius, 0.5 * height)));
+        }
+        Shape::Cone { base, axis, radius, top_radius, height } => {
+            let frame = place(vector3(base), vector3(axis)).then(&IDENTITY, [0.0, 0.0, 0.5 * height]);
+            ops.push(frame.primitive(Primitive::Cone(*radius, *top_radius, 0.5 * height)));
+        }
         Shape::Torus { center, axis, major_radius, minor_radius } => {
             ops.push(place(vector3(center), vector3(axis)).primitive(Primitive::Torus(*major_radius, *minor_radius)));
         }
@@ -71,9 +82,14 @@ fn compile(shape: &Shape, frame: &Frame, dimension: usize, ops: &mut Vec<SdfOp>)
             let turned = rotate(&turn, center);
             compile(shape, &frame.then(&turn, std::array::from_fn(|a| center[a] - turned[a])), dimension, ops);
         }
+        Shape::Scale { factor, center, shape } => {
+            let center = center.as_deref().map_or([0.0; 3], vector3);
+            let moved = frame.then(&IDENTITY, center.map(|c| (1.0 - factor) * c));
+            compile(shape, &Frame { scale: factor * frame.scale, ..moved }, dimension, ops);
+        }
         Shape::Shell { thickness, shape } => {
             compile(shape, frame, dimension, ops);
-            ops.push(SdfOp::Shell(*thickness));
+            ops.push(SdfOp::Shell(frame.scale * thickness));
         }
     }
 }

@@ -7,8 +7,9 @@ use super::Limits;
 use super::build::{cells, determinant, lattice, particles_per_cell};
 use super::estimate;
 use super::fault::{Faults, join};
+use super::poisson;
 use super::sampling::Lattice;
-use super::schema::{Body, Boundary, Collider, ContactKind, Domain, Material, Output, Scene, Solver, Time};
+use super::schema::{Body, Boundary, Collider, ContactKind, Domain, Material, Output, Sampling, Scene, Solver, Time};
 use super::solid::{sdf, vector3};
 use super::suggest::{closest, list, quote};
 use super::validate_shape::check_shape;
@@ -90,7 +91,7 @@ impl Check<'_> {
         }
     }
 
-    fn not_negative(&mut self, at: &str, value: f64, what: &str) {
+    pub fn not_negative(&mut self, at: &str, value: f64, what: &str) {
         if self.finite(at, value) && value < 0.0 {
             self.faults.add(at, "negative", format!("{what} is {value}"), "write 0 or a number above 0");
         }
@@ -396,6 +397,14 @@ impl Check<'_> {
                 "make the shape larger, lower dx or raise particles_per_cell; a difference may have taken all of it";
             self.faults.add(at, "no_particles", reason, remedy);
             return None;
+        }
+        if body.sampling == Sampling::PoissonDisk {
+            let limit = self.limits.max_memory_bytes;
+            if inside.darts().count_cells(&sdf, inside.bounds(), limit / poisson::CELL_BYTES).is_none() {
+                let reason = format!("to sample the shape takes more than {} MiB, the limit", limit >> 20);
+                self.faults.add(at, "too_much_memory", reason, "raise dx, shrink the body, or write `jittered`");
+                return None;
+            }
         }
         Some(particles)
     }

@@ -30,6 +30,8 @@ fn check_part(check: &mut Check, at: &str, shape: &Shape) {
         Shape::Box { .. } => ("box", false),
         Shape::Sphere { .. } => ("sphere", false),
         Shape::Cylinder { .. } => ("cylinder", true),
+        Shape::Capsule { .. } => ("capsule", true),
+        Shape::Cone { .. } => ("cone", true),
         Shape::Torus { .. } => ("torus", true),
         Shape::HalfSpace { .. } => ("half-space", false),
         Shape::Union(_) => ("union", false),
@@ -37,6 +39,7 @@ fn check_part(check: &mut Check, at: &str, shape: &Shape) {
         Shape::Difference(_) => ("difference", false),
         Shape::Translate { .. } => ("translate", false),
         Shape::Rotate { .. } => ("rotate", false),
+        Shape::Scale { .. } => ("scale", false),
         Shape::Shell { .. } => ("shell", false),
     };
     let at = join(at, key);
@@ -63,10 +66,17 @@ fn check_part(check: &mut Check, at: &str, shape: &Shape) {
             check.vector(&field("center"), center);
             check.positive(&field("radius"), *radius, "the radius");
         }
-        Shape::Cylinder { center, axis, radius, height } => {
+        Shape::Cylinder { center, axis, radius, height } | Shape::Capsule { center, axis, radius, height } => {
             check.vector(&field("center"), center);
             direction(check, &field("axis"), axis);
             check.positive(&field("radius"), *radius, "the radius");
+            check.positive(&field("height"), *height, "the height");
+        }
+        Shape::Cone { base, axis, radius, top_radius, height } => {
+            check.vector(&field("base"), base);
+            direction(check, &field("axis"), axis);
+            check.positive(&field("radius"), *radius, "the radius");
+            check.not_negative(&field("top_radius"), *top_radius, "the radius at the top");
             check.positive(&field("height"), *height, "the height");
         }
         Shape::Torus { center, axis, major_radius, minor_radius } => {
@@ -95,6 +105,13 @@ fn check_part(check: &mut Check, at: &str, shape: &Shape) {
                 direction(check, &field("axis"), axis);
             }
             check.finite(&field("angle_degrees"), *angle_degrees);
+            if let Some(center) = center {
+                check.vector(&field("center"), center);
+            }
+            check_part(check, &field("shape"), shape);
+        }
+        Shape::Scale { factor, center, shape } => {
+            check.positive(&field("factor"), *factor, "the factor");
             if let Some(center) = center {
                 check.vector(&field("center"), center);
             }

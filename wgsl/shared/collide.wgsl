@@ -1,4 +1,4 @@
-// Contact with rigid surfaces, and signed distance programs. Twin: src/sim/collider.rs. Positions relative to domain.min (m).
+// Contact with rigid surfaces, and signed distance programs. Twin: src/sim/collider/. Positions relative to domain.min (m).
 
 const STICKY = 0u;
 const SLIP = 1u;
@@ -24,6 +24,16 @@ fn contact(v: vec3<f32>, n: vec3<f32>, kind: u32, friction: f32) -> vec3<f32> {
     return select(vec3<f32>(0.0), tangent * (kept / max(speed, 1e-30)), speed > 0.0);
 }
 
+/// Distance to a cone in the half-plane (radius, height): a is radius below, radius above, half height.
+fn cone_distance(q: vec2<f32>, a: vec3<f32>) -> f32 {
+    let cap = vec2<f32>(q.x - min(q.x, select(a.y, a.x, q.y < 0.0)), abs(q.y) - a.z);
+    let down = vec2<f32>(a.x - a.y, -2.0 * a.z);
+    let from_top = q - a.yz;
+    let side = from_top - down * clamp(dot(from_top, down) / dot(down, down), 0.0, 1.0);
+    let away = min(length(cap), length(side));
+    return select(away, -away, side.x < 0.0 && cap.y < 0.0);
+}
+
 fn primitive_distance(op: SdfOp, world: vec3<f32>) -> f32 {
     let h = vec4<f32>(world, 1.0);
     let x = vec3<f32>(dot(op.r0, h), dot(op.r1, h), dot(op.r2, h));
@@ -41,7 +51,9 @@ fn primitive_distance(op: SdfOp, world: vec3<f32>) -> f32 {
         case 3u: { // torus, radii
             return length(vec2<f32>(length(x.xy) - a.x, x.z)) - a.y;
         }
-        default: { return x.z; } // half-space
+        case 4u: { return x.z; } // half-space
+        case 5u: { return length(vec3<f32>(x.xy, x.z - clamp(x.z, -a.y, a.y))) - a.x; } // capsule, radius and half axis
+        default: { return cone_distance(vec2<f32>(length(x.xy), x.z), a); } // cone, radii below and above, half height
     }
 }
 

@@ -46,7 +46,7 @@ struct Body { mass: f32, volume: f32, material: u32, unused: u32 }
 // 2 weakly compressible fluid (a = K/gamma, b = gamma, c = viscosity)
 struct Material { model: u32, a: f32, b: f32, c: f32 }
 
-// One instruction of a signed distance program (src/sim/collider.rs): rotation rows and translation fold the frame.
+// One instruction of a signed distance program (src/sim/collider/): rotation rows and translation fold the frame.
 struct SdfOp { r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32>, size: vec3<f32>, code: u32 }
 
 struct Collider { first: u32, count: u32, kind: u32, friction: f32 }

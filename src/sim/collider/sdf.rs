@@ -15,6 +15,10 @@ pub enum Primitive {
     Sphere(f64),
     /// Radius and half height (m), along z.
     Cylinder(f64, f64),
+    /// Radius and half the length of the axis (m), along z.
+    Capsule(f64, f64),
+    /// Radius at the lower end, radius at the upper end, half height (m), along z.
+    Cone(f64, f64, f64),
     /// Major and minor radius (m), about z.
     Torus(f64, f64),
     /// All points with z <= 0.
@@ -28,21 +32,38 @@ impl Primitive {
             Self::Box(h) => capped([x[0].abs() - h[0], x[1].abs() - h[1], x[2].abs() - h[2]]),
             Self::Sphere(r) => length(x) - r,
             Self::Cylinder(r, h) => capped([x[0].hypot(x[1]) - r, x[2].abs() - h, f64::NEG_INFINITY]),
+            Self::Capsule(r, h) => length([x[0], x[1], x[2] - x[2].clamp(-h, h)]) - r,
+            Self::Cone(base, top, h) => cone([x[0].hypot(x[1]), x[2]], base, top, h),
             Self::Torus(major, minor) => (x[0].hypot(x[1]) - major).hypot(x[2]) - minor,
             Self::HalfSpace => x[2],
         }
     }
 
-    /// Half extents of the bounding box in the primitive's frame; none for an unbounded one.
-    fn half_extents(&self) -> Option<[f64; 3]> {
+    /// The primitive made larger by `factor` about its origin.
+    pub fn scaled(&self, factor: f64) -> Self {
         match *self {
-            Self::Box(h) => Some(h),
-            Self::Sphere(r) => Some([r; 3]),
-            Self::Cylinder(r, h) => Some([r, r, h]),
-            Self::Torus(major, minor) => Some([major + minor, major + minor, minor]),
-            Self::HalfSpace => None,
+            Self::Box(h) => Self::Box(h.map(|h| factor * h)),
+            Self::Sphere(r) => Self::Sphere(factor * r),
+            Self::Cylinder(r, h) => Self::Cylinder(factor * r, factor * h),
+            Self::Capsule(r, h) => Self::Capsule(factor * r, factor * h),
+            Self::Cone(base, top, h) => Self::Cone(factor * base, factor * top, factor * h),
+            Self::Torus(major, minor) => Self::Torus(factor * major, factor * minor),
+            Self::HalfSpace => Self::HalfSpace,
         }
     }
+}
+
+/// Distance to a cone in the half-plane (radius, height) of a point: to its caps and to its side, the nearer one counts.
+fn cone([r, z]: [f64; 2], base: f64, top: f64, h: f64) -> f64 {
+    let cap = [r - r.min(if z < 0.0 { base } else { top }), z.abs() - h];
+    // From the point to the nearest of the side, which runs from (top, h) along `down`.
+    let down = [base - top, -2.0 * h];
+    let along = ((r - top) * down[0] + (z - h) * down[1]) / (down[0] * down[0] + down[1] * down[1]);
+    let along = along.clamp(0.0, 1.0);
+    let side = [r - top - down[0] * along, z - h - down[1] * along];
+    let inside = side[0] < 0.0 && cap[1] < 0.0;
+    let distance = cap[0].hypot(cap[1]).min(side[0].hypot(side[1]));
+    if inside { -distance } else { distance }
 }
 
 /// Distance to the corner region where all `q` <= 0.
@@ -153,27 +174,35 @@ impl Sdf {
 }
 
 fn primitive_bounds(primitive: &Primitive, rotation: &[f64; 9], translation: &[f64; 3]) -> [[f64; 3]; 2] {
-    let Some(h) = primitive.half_extents() else {
-        // The normal is the local z axis; a wall along the axes bounds one side.
-        let mut bounds = [[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]];
-        for a in 0..3 {
-            if rotation[6 + a].abs() > 1.0 - 1e-15 {
-                bounds[if rotation[6 + a] > 0.0 { 1 } else { 0 }][a] = translation[a];
-            }
+    // The local z axis is the third row of the rotation.
+    let axis = [rotation[6], rotation[7], rotation[8]];
+    let around = |reach: [f64; 3]| [zip(*translation, reach, |t, r| t - r), zip(*translation, reach, |t, r| t + r)];
+    let disc = |a: usize| disc_reach(rotation, a);
+    let each = |reach: &dyn Fn(usize) -> f64| around([reach(0), reach(1), reach(2)]);
+    match *primitive {
+        Primitive::Box(h) => each(&|a| (0..3).map(|k| rotation[3 * k + a].abs() * h[k]).sum()),
+        Primitive::Sphere(r) => each(&|_| r),
+        Primitive::Cylinder(r, half) => each(&|a| disc(a) * r + axis[a].abs() * half),
+        Primitive::Capsule(r, half) => each(&|a| r + axis[a].abs() * half),
+        Primitive::Cone(base, top, half) => {
+            let end = |a: usize, side: f64| {
+                let (below, above) = (side * disc(a) * base - axis[a] * half, side * disc(a) * top + axis[a] * half);
+                translation[a] + if side > 0.0 { below.max(above) } else { below.min(above) }
+            };
+            [-1.0, 1.0].map(|side| [end(0, side), end(1, side), end(2, side)])
         }
-        return bounds;
-    };
-    let mut reach = [0.0; 3];
-    for a in 0..3 {
-        reach[a] = match *primitive {
-            Primitive::Sphere(r) => r,
-            // Exact for a disc of radius r swept along its axis, with the local z axis in the third row.
-            Primitive::Cylinder(r, half) => disc_reach(rotation, a) * r + rotation[6 + a].abs() * half,
-            Primitive::Torus(major, minor) => disc_reach(rotation, a) * major + minor,
-            _ => (0..3).map(|k| rotation[3 * k + a].abs() * h[k]).sum(),
-        };
+        Primitive::Torus(major, minor) => each(&|a| disc(a) * major + minor),
+        Primitive::HalfSpace => {
+            // A wall along the axes bounds one side.
+            let mut bounds = [[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]];
+            for a in 0..3 {
+                if axis[a].abs() > 1.0 - 1e-15 {
+                    bounds[if axis[a] > 0.0 { 1 } else { 0 }][a] = translation[a];
+                }
+            }
+            bounds
+        }
     }
-    [zip(*translation, reach, |t, r| t - r), zip(*translation, reach, |t, r| t + r)]
 }
 
 /// Extent along world axis `a` of the unit disc normal to the local z axis.
