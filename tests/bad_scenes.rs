@@ -277,6 +277,22 @@ fn limits_are_judged_before_anything_is_made() {
 }
 
 #[test]
+fn a_thin_shape_that_is_costly_to_sample_is_refused() {
+    let shell =
+        json!({ "shell": { "thickness": 0.005, "shape": { "sphere": { "center": [0.5, 0.5, 0.5], "radius": 0.2 } } } });
+    let small = json!({ "box": { "min": [0, 0, 0], "max": [0.1, 0.1, 0.1] } });
+    let thin = |sampling| {
+        changed(
+            good(),
+            &[("/bodies/0/shape", small.clone()), ("/bodies/1/shape", shell.clone()), ("/bodies/1/sampling", sampling)],
+        )
+    };
+    let limits = Limits { max_memory_bytes: 300 << 10, ..Limits::default() };
+    expect(&thin(json!("jittered")), &limits, &[]);
+    expect(&thin(json!("poisson-disk")), &limits, &[("/bodies/1/shape", "too_much_memory")]);
+}
+
+#[test]
 fn syntax_errors_name_line_and_column() {
     for (text, code, place) in [
         ("{ \"gridfall\": 1,\n \"name\": }", "syntax", "line 2, column 10"),
