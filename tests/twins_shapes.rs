@@ -81,11 +81,12 @@ fn on_cpu(problem: &Problem) -> Nodes {
 
 /// Number of nodes of some mass whose velocities differ by more than 1e-3 m/s.
 fn differing(a: &Nodes, b: &Nodes, full: f64) -> usize {
-    let off = |(key, (mass, v)): (&(i32, [i32; 3]), &(f64, [f64; 3]))| {
+    let heavy = a.iter().filter(|(_, (mass, _))| *mass > 0.1 * full);
+    let differs = heavy.filter(|(key, (_, v))| {
         let w = b.get(key).map_or([f64::NAN; 3], |(_, w)| *w);
-        *mass > 0.1 * full && !(0..3).all(|k| (v[k] - w[k]).abs() < 1e-3)
-    };
-    a.iter().filter(|&node| off(node)).count()
+        !(0..3).all(|k| (v[k] - w[k]).abs() < 1e-3)
+    });
+    differs.count()
 }
 
 #[test]
