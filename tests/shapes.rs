@@ -360,6 +360,25 @@ fn sampled_mass_is_volume_times_density() {
 }
 
 #[test]
+fn poisson_disk_points_may_be_any_number_a_cell_up_to_the_walls() {
+    let box_ = Shape::Box { min: vec![-2.0; 3], max: vec![2.0; 3] };
+    for per_cell in [1, 5, 16, 27] {
+        let mut document = serde_json::to_value(scene_with(&box_)).unwrap();
+        document["domain"] = json!({ "min": [-2, -2, -2], "max": [2, 2, 2], "dx": 0.5 });
+        document["bodies"][0]["shape"] = serde_json::to_value(&box_).unwrap();
+        document["bodies"][0]["particles_per_cell"] = json!(per_cell);
+        document["bodies"][0]["sampling"] = json!("poisson-disk");
+        let problem = scene::problem(&scene::from_value(&document).unwrap(), &Limits::default()).unwrap();
+        let x = &problem.particles.x;
+        assert!(x.iter().flatten().all(|x| x.abs() <= 2.0), "{per_cell} a cell: points outside the domain");
+        // Dart throwing crowds the walls a little, where no points lie beyond.
+        let expected = 512.0 * f64::from(per_cell);
+        assert!((x.len() as f64 / expected - 1.0).abs() < 0.15, "{per_cell} a cell: {} of {expected}", x.len());
+        assert!((x.len() as f64 * problem.bodies[0].volume0 / 64.0 - 1.0).abs() < 0.01, "{per_cell} a cell");
+    }
+}
+
+#[test]
 fn the_papers_sphere_has_the_papers_number_of_particles() {
     // CK-MPM §6.1: radius 10 dx, 8 particles a cell, 33,552 particles.
     let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/colliding-spheres.json")).unwrap();

@@ -15,15 +15,22 @@ pub(super) fn cells(domain: &schema::Domain, dimension: usize) -> [f64; 3] {
     std::array::from_fn(|a| if a < dimension { (domain.max[a] - domain.min[a]) / domain.dx } else { 1.0 })
 }
 
-/// Particles per cell of a body, and the whole number of which it is the d-th power, if it is one.
-pub(super) fn particles_per_cell(body: &schema::Body, dimension: usize) -> (u32, Option<u32>) {
+/// Particles per cell of a body, and how many that is along an axis: a whole number on a lattice, any for Poisson-disk points; none
+/// if the body's sampling cannot have so many.
+pub(super) fn particles_per_cell(body: &schema::Body, dimension: usize) -> (u32, Option<f64>) {
     let per_cell = body.particles_per_cell.unwrap_or(1 << dimension);
-    let root = f64::from(per_cell).powf(1.0 / dimension as f64).round() as u32;
-    (per_cell, (root > 0 && root.checked_pow(dimension as u32) == Some(per_cell)).then_some(root))
+    let root = f64::from(per_cell).powf(1.0 / dimension as f64);
+    let whole = root.round() as u32;
+    let per_axis = match whole.checked_pow(dimension as u32) == Some(per_cell) {
+        true => f64::from(whole),
+        false => root,
+    };
+    let fits = per_axis == f64::from(whole) || body.sampling == Sampling::PoissonDisk;
+    (per_cell, (per_cell > 0 && fits).then_some(per_axis))
 }
 
 /// The lattice over a body's bounds; where the body is unbounded, up to the domain's walls.
-pub(super) fn lattice(domain: &schema::Domain, per_axis: u32, sdf: &Sdf, dimension: usize) -> Lattice {
+pub(super) fn lattice(domain: &schema::Domain, per_axis: f64, sdf: &Sdf, dimension: usize) -> Lattice {
     let [mut lower, mut upper] = sdf.bounds();
     for a in 0..dimension {
         if lower[a] == f64::NEG_INFINITY {
@@ -33,7 +40,7 @@ pub(super) fn lattice(domain: &schema::Domain, per_axis: u32, sdf: &Sdf, dimensi
             upper[a] = domain.max[a];
         }
     }
-    Lattice::over(vector3(&domain.min), domain.dx / f64::from(per_axis), dimension, [lower, upper])
+    Lattice::over(vector3(&domain.min), domain.dx / per_axis, dimension, [lower, upper])
 }
 
 /// Builds the problem. The scene must be valid.
@@ -113,11 +120,11 @@ fn spin(w: &[f64]) -> [f64; 3] {
 /// Samples a body and sets v_p = v + (Ω + G)(x_p - c) and B_p = (Ω + G) D(x_p), c the centroid of its particles.
 fn add_body(problem: &mut Problem, scene: &Scene, body: &schema::Body, index: usize, material: usize) {
     let (d, dx, origin) = (problem.dimension, problem.dx, problem.origin);
-    let (per_cell, root) = particles_per_cell(body, d);
-    let root = root.expect("a valid scene");
+    let (per_cell, per_axis) = particles_per_cell(body, d);
+    let per_axis = per_axis.expect("a valid scene");
     let sdf = sdf(&body.shape, d);
-    let lattice = lattice(&scene.domain, root, &sdf, d).clipped(problem.cells, root as usize);
-    let x = lattice.sample(&sdf, body.sampling, scene.seed, index as u64);
+    let points = |per_axis: f64| lattice(&scene.domain, per_axis, &sdf, d).clipped(problem.cells, per_axis);
+    let x = points(per_axis).sample(&sdf, body.sampling, scene.seed, index as u64);
 
     let centroid = mean(&x);
     let velocity = body.velocity.as_deref().map_or([0.0; 3], vector3);
@@ -144,7 +151,7 @@ fn add_body(problem: &mut Problem, scene: &Scene, body: &schema::Body, index: us
     let material_law = &problem.materials[material];
     let volume0 = match body.sampling {
         Sampling::Regular | Sampling::Jittered => dx.powi(d as i32) / f64::from(per_cell),
-        Sampling::PoissonDisk => lattice.volume(&sdf) / x.len().max(1) as f64,
+        Sampling::PoissonDisk => points(per_axis.ceil()).volume(&sdf) / x.len().max(1) as f64,
     };
     let particles = &mut problem.particles;
     let start = particles.len();

@@ -87,14 +87,18 @@ pub fn from_value(document: &Value) -> Result<Scene, Vec<Fault>> {
     Err(faults.into_vec())
 }
 
+/// Judges what a scene means, as far as that can be told without making particles: all but the number of steps.
+pub fn check(scene: &Scene, limits: &Limits) -> Result<(), Vec<Fault>> {
+    let mut faults = Faults::default();
+    validate::check(scene, limits, &mut faults);
+    if faults.is_empty() { Ok(()) } else { Err(faults.into_vec()) }
+}
+
 /// Judges what a scene means and makes it ready to run. Nothing is allocated before particles and memory are known to be in the
 /// limits.
 pub fn problem(scene: &Scene, limits: &Limits) -> Result<Problem, Vec<Fault>> {
+    check(scene, limits)?;
     let mut faults = Faults::default();
-    validate::check(scene, limits, &mut faults);
-    if !faults.is_empty() {
-        return Err(faults.into_vec());
-    }
     let problem = build::build(scene);
     for (n, body) in problem.bodies.iter().enumerate() {
         if body.particles.is_empty() {

@@ -39,6 +39,8 @@ pub struct Lattice {
     pub dimension: usize,
     /// Indices to look at on each axis (0..1 on z in 2D).
     pub range: [Range<i64>; 3],
+    /// Upper corner of the grid it is clipped to.
+    end: [f64; 3],
 }
 
 /// Half-open block of lattice indices.
@@ -76,20 +78,21 @@ impl Lattice {
             let (low, high) = (index(bounds[0][a]).floor() as i64, index(bounds[1][a]).ceil() as i64);
             low..high.max(low)
         });
-        Self { origin, spacing, dimension, range }
+        Self { origin, spacing, dimension, range, end: [f64::INFINITY; 3] }
     }
 
     /// The part of the lattice inside a grid of `cells`, with `per_axis` points to a cell.
-    pub fn clipped(&self, cells: [usize; 3], per_axis: usize) -> Self {
+    pub fn clipped(&self, cells: [usize; 3], per_axis: f64) -> Self {
         let range = std::array::from_fn(|a| {
             if a >= self.dimension {
                 return 0..1;
             }
-            let end = (cells[a] * per_axis) as i64;
+            let end = (cells[a] as f64 * per_axis).ceil() as i64;
             let low = self.range[a].start.clamp(0, end);
             low..self.range[a].end.clamp(low, end)
         });
-        Self { range, ..self.clone() }
+        let end = std::array::from_fn(|a| self.origin[a] + cells[a] as f64 * per_axis * self.spacing);
+        Self { range, end, ..self.clone() }
     }
 
     /// Poisson-disk sampling with as many points.
@@ -97,10 +100,11 @@ impl Lattice {
         Darts::new(self.origin, self.spacing.powi(-(self.dimension as i32)), self.dimension)
     }
 
-    /// The box that the lattice's cells fill, lower then upper corner.
+    /// The box that the lattice's cells fill, inside the grid, lower then upper corner.
     pub fn bounds(&self) -> [[f64; 3]; 2] {
         let corner = |i: &dyn Fn(usize) -> i64| self.point([i(0), i(1), i(2)], [0.0; 3]);
-        [corner(&|a| self.range[a].start), corner(&|a| self.range[a].end)]
+        let upper = corner(&|a| self.range[a].end);
+        [corner(&|a| self.range[a].start), std::array::from_fn(|a| upper[a].min(self.end[a]))]
     }
 
     /// The solid's volume (m^d) in the lattice's range, from points `FINER` times as close.

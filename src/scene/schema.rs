@@ -149,7 +149,7 @@ pub struct Body {
     /// Name of an entry of `materials`.
     pub material: String,
     pub shape: Shape,
-    /// Particles per cell, a d-th power of a whole number; 8 by default (2D: 4).
+    /// Particles per cell, a d-th power of a whole number unless the sampling is `poisson-disk`; 8 by default (2D: 4).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub particles_per_cell: Option<u32>,
     #[serde(default)]

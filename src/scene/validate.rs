@@ -296,13 +296,13 @@ impl Check<'_> {
             let reason = format!("there is no material {}", quote(&body.material));
             self.faults.add(&join(at, "material"), "unknown_material", reason, remedy);
         }
-        let (per_cell, root) = particles_per_cell(body, self.dimension);
-        if root.is_none() && self.has_dimension() {
+        let (per_cell, per_axis) = particles_per_cell(body, self.dimension);
+        if per_axis.is_none() && self.has_dimension() {
             let d = self.dimension;
             let reason = format!("{per_cell} particles do not fill a cell evenly");
             let remedy = match d {
-                2 => "write a square: 1, 4, 9, 16, …",
-                _ => "write a cube: 1, 8, 27, 64, …",
+                2 => "write a square: 1, 4, 9, 16, …, or sample by `poisson-disk`",
+                _ => "write a cube: 1, 8, 27, 64, …, or sample by `poisson-disk`",
             };
             self.faults.add(&join(at, "particles_per_cell"), "not_a_power", reason, remedy);
         }
@@ -311,7 +311,7 @@ impl Check<'_> {
         check_shape(self, &shape_at, &body.shape);
         let judged =
             self.has_grid() && self.faults.clean(&join(at, "particles_per_cell")) && self.faults.clean(&shape_at);
-        if judged { self.particles(&shape_at, body, root?) } else { None }
+        if judged { self.particles(&shape_at, body, per_axis?) } else { None }
     }
 
     fn initial_state(&mut self, at: &str, body: &Body) {
@@ -348,10 +348,10 @@ impl Check<'_> {
     }
 
     /// Counts the particles of a body without making them, and looks for some outside the domain.
-    fn particles(&mut self, at: &str, body: &Body, root: u32) -> Option<u64> {
+    fn particles(&mut self, at: &str, body: &Body, per_axis: f64) -> Option<u64> {
         let (domain, d) = (&self.scene.domain, self.dimension);
         let sdf = sdf(&body.shape, d);
-        let whole = lattice(domain, root, &sdf, d);
+        let whole = lattice(domain, per_axis, &sdf, d);
         let [lower, upper] = sdf.bounds();
         let (min, max) = (vector3(&domain.min), vector3(&domain.max));
         let extent = |v: [f64; 3]| format!("{:?}", &v[..d]);
@@ -362,7 +362,7 @@ impl Check<'_> {
             return None;
         }
         let n = cells(domain, d).map(|n| n.round() as usize);
-        let inside = whole.clipped(n, root as usize);
+        let inside = whole.clipped(n, per_axis);
         let sticks_out = whole.candidates() > inside.candidates();
         let most = self.limits.max_particles.min(self.limits.max_memory_bytes / estimate::HOST_BYTES_PER_PARTICLE);
         let count = |lattice: &Lattice| lattice.count(&sdf, most);
