@@ -9,6 +9,7 @@ mod interrupt;
 mod run;
 mod schema;
 mod serve;
+mod verify;
 
 use std::fmt;
 use std::process::ExitCode;
@@ -33,6 +34,7 @@ enum Command {
     Demo(demo::Arguments),
     Adapters(adapters::Arguments),
     Bench(bench::Arguments),
+    Verify(verify::Arguments),
     Schema(schema::Arguments),
 }
 
@@ -45,6 +47,7 @@ impl Command {
             Self::Demo(arguments) => demo::execute(arguments),
             Self::Adapters(arguments) => adapters::execute(arguments),
             Self::Bench(arguments) => bench::execute(arguments),
+            Self::Verify(arguments) => verify::execute(arguments),
             Self::Schema(arguments) => schema::execute(arguments),
         }
     }

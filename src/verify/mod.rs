@@ -1,0 +1,62 @@
+//! `gridfall verify`: named cases with a known answer, on the engines of this build.
+//!
+//! A case says what it claims and where the answer comes from, simulates, and reports rows of expected, got and tolerance.
+//! Cases with closed forms run on every engine; cases that force a step of their own run the CPU's stages.
+
+mod forced;
+mod motion;
+mod report;
+mod session;
+mod setup;
+mod single_particle;
+mod von_neumann;
+
+pub use report::{Curve, Row, Rule, curve_csv, number};
+pub use session::{Extent, Session, Target};
+
+use crate::backend::Devices;
+
+/// A claim about the simulation that can be checked.
+pub struct Case {
+    pub name: &'static str,
+    /// What must hold, in a line.
+    pub claim: &'static str,
+    /// Where the expected values come from.
+    pub source: &'static str,
+    /// Runs on the GPU as well; else it needs the CPU's stages.
+    pub gpu: bool,
+    run: fn(&mut Session) -> Result<(), crate::engine::EngineError>,
+}
+
+/// All cases, in the order in which they run.
+pub const CASES: &[Case] = &[
+    motion::FREE_FALL,
+    motion::COLLIDING_SPHERES,
+    motion::ROTATING_ROD,
+    von_neumann::VON_NEUMANN,
+    single_particle::SINGLE_PARTICLE,
+];
+
+/// What came of a run.
+#[derive(Debug, Default)]
+pub struct Outcome {
+    pub rows: Vec<Row>,
+    pub curves: Vec<Curve>,
+}
+
+/// Runs a case on each of the targets that it is for. A simulation that ends in an error is a row that fails.
+pub fn run(case: &Case, devices: &Devices, targets: &[Target], extent: Extent, log: &dyn Fn(&str)) -> Outcome {
+    let mut outcome = Outcome::default();
+    for &target in targets {
+        if target == Target::Gpu && !case.gpu {
+            continue;
+        }
+        let mut session = Session::new(case.name, devices, target, extent, log);
+        if let Err(error) = (case.run)(&mut session) {
+            session.failed(&error);
+        }
+        outcome.rows.append(&mut session.rows);
+        outcome.curves.append(&mut session.curves);
+    }
+    outcome
+}
