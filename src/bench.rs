@@ -149,8 +149,7 @@ pub fn problem(json: &str) -> Result<Problem, BenchError> {
 
 /// Measures a problem on the device that suits it.
 pub fn measure(devices: &Devices, problem: &Problem, case: &str, size: &str) -> Result<Row, BenchError> {
-    let affine = timestep::initial_affine_rate_1_s(problem);
-    let plan = timestep::plan_frame(problem, timestep::initial_speed_m_s(problem), affine, problem.frame_s);
+    let plan = timestep::plan_frame(problem, &timestep::initial_extremes(problem), problem.frame_s);
     let mut engine = Measured::load(devices, problem)?;
     let (rates, steps_per_frame) = rates(engine.get(), problem, plan.dt_s)?;
     let (copy_bandwidth_b_s, stages) = match &mut engine {
@@ -227,7 +226,7 @@ fn floor_bytes(problem: &Problem) -> f64 {
     let scalar = if problem.precision == Precision::F64 { 8.0 } else { 4.0 };
     let state = |material: &Material| match material {
         Material::WeaklyCompressibleFluid(_) => 4.0,
-        _ => 12.0,
+        solid => 12.0 + f64::from(u8::from(solid.has_plastic_state())),
     };
     let of_bodies: f64 =
         problem.bodies.iter().map(|b| b.particles.len() as f64 * state(&problem.materials[b.material])).sum();

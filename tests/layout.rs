@@ -41,11 +41,11 @@ macro_rules! twin {
 fn shared_structs_agree() {
     let m = parse(Stage::G2p2g, Kernel::Compact);
     twin!(m, Params: blocks, particles, cells, dx, gravity, dt, pad, capacity, periodic, colliders, mass_scale,
-        momentum_scale, soft_shift, first_step, walls);
+        momentum_scale, soft_shift, first_step, soft_demand, soft_growth, spare0, spare1, walls);
     twin!(m, Status: halt, error, error_particle, max_shift, max_speed, step, index, work_count, cursor, stale, needed,
-        finished, groups);
-    twin!(m, Body: mass, volume, material, unused);
-    twin!(m, Material: model, a, b, c);
+        max_demand, isolated, finished, groups);
+    twin!(m, Body: mass, volume, material, demand);
+    twin!(m, Material: model, a, b, c, d, e, spare0, spare1);
     twin!(m, SdfOp: r0, r1, r2, size, code);
     twin!(m, Collider: first, count, kind, friction);
     twin!(m, Pose: r0, r1, r2, linear, angular, center);

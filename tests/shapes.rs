@@ -410,7 +410,7 @@ fn the_initial_state_is_the_rigid_motion_and_gradient_that_was_asked_for() {
         }
         let still = p.b.iter().all(|b| *b == [0.0; 9]);
         assert_eq!(still, transfer == "pic", "{kernel} {transfer}");
-        let rate = gridfall::sim::timestep::initial_affine_rate_1_s(&problem);
+        let rate = gridfall::sim::timestep::initial_extremes(&problem).affine_rate_1_s;
         let expected = if still { 0.0 } else { c.iter().map(|c| c * c).sum::<f64>().sqrt() };
         assert!((rate - expected).abs() < 1e-9, "{kernel} {transfer}: ‖C‖ = {rate}, {expected} expected");
     }

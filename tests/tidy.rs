@@ -11,7 +11,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("scene", &["sim", "material"]),
     ("engine", &["sim"]),
     ("cpu", &["engine", "sim", "material"]),
-    ("gpu", &["engine", "sim", "scene::schema"]),
+    ("gpu", &["engine", "sim", "material", "scene::schema"]),
     ("backend", &["engine", "sim", "cpu", "gpu"]),
     ("recording", &["engine", "sim", "material", "scene", "provenance"]),
     ("run", &["engine", "sim", "scene", "recording", "provenance"]),

@@ -1,5 +1,28 @@
 // Last step of a frame: grid → particles, and full states by id for read-back and for the next frame's p2g.
+// Particles that share no node with another are reset (Bai & Schroeder §5; twin: src/cpu/isolated.rs).
 // One workgroup a work item, one lane a particle at a time; every id is written by one lane.
+
+/// Others may add this share to Σ w m_i before a particle counts as accompanied.
+const ALONE = 1e-4;
+
+/// Whether all mass on a particle's nodes is its own: ½ Σ_s Σ_i w m_i is then m ½ Σ_s Σ_i w².
+fn is_alone(y: vec3<f32>, mass: f32) -> bool {
+    let s = stencil(y);
+    var found = 0.0;
+    var own = 0.0;
+    for (var grid = 0u; grid < GRIDS; grid++) {
+        for (var k = 0u; k < NODES; k++) {
+            for (var j = 0u; j < NODES; j++) {
+                for (var i = 0u; i < NODES; i++) {
+                    let w = s.w[grid][i].x * s.w[grid][j].y * s.w[grid][k].z;
+                    found += w * node_mass(grid, s.base[grid] + vec3<i32>(vec3<u32>(i, j, k)));
+                    own += w * w;
+                }
+            }
+        }
+    }
+    return found < own * mass * (1.0 + ALONE);
+}
 
 @compute @workgroup_size(WORKGROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
@@ -21,9 +44,19 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         let packed = position_in[from_];
         let id = packed.w;
         let y = bitcast<vec3<f32>>(packed.xyz);
-        let model = materials[bodies[body_of[id]].material].model;
-        let g = gather(y);
-        let next = advance(corner, y, g, load_deformation(from_, model), model, id);
+        let body = bodies[body_of[id]];
+        let material = materials[body.material];
+        var g = gather(y);
+        var principal: Principal;
+        var next = advance(corner, y, g, load_deformation(from_, material.model), material, id, &principal);
+        if (next.ok && is_alone(y, body.mass)) {
+            atomicAdd(&status.isolated, 1u);
+            next.state.F = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
+            next.state.J = 1.0;
+            principal = decompose(next.state, material.model);
+            let C = times_inverse_moment(g.B, next.local);
+            g.B = times_moment(0.5 * (C - transpose(C)), next.local);
+        }
         let block = block_index(block_coordinates(job.block) + next.shift);
         if (block < 0) {
             fail(ERROR_DOMAIN, id);
@@ -35,7 +68,10 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
             frame_velocity[(6u + k) * params.particles + id] = g.B[1][k];
             frame_velocity[(9u + k) * params.particles + id] = g.B[2][k];
         }
-        store_frame_deformation(id, model, next.state);
+        store_frame_deformation(id, material.model, next.state);
+        let stress = kirchhoff(next.state, principal, material, g.gradient * (1.0 / params.dx));
+        // A comparison by bits orders numbers that are not negative; NaN shows in the next step.
+        atomicMax(&status.max_demand, bitcast<u32>(body.demand * max(1.0, stress.stiffening)));
         // Bound on the speed of nodes around the particle, for the next plan: |v| + √3 dx |C|.
         let c = times_inverse_moment(g.B, next.local);
         atomicMax(&status.max_speed, bitcast<u32>(length(g.v) + 1.7320508 * sqrt(norm2(c))));

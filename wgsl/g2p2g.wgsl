@@ -25,11 +25,15 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         let body = bodies[body_of[id]];
         let material = materials[body.material];
         let g = gather(y);
-        let next = advance(corner, y, g, load_deformation(from_, material.model), material.model, id);
+        var principal: Principal;
+        let next = advance(corner, y, g, load_deformation(from_, material.model), material, id, &principal);
         var destination = vec2<u32>(0xffffffffu, 0u);
         if (next.ok) {
-            let tau = kirchhoff(next.state, material, g.gradient * (1.0 / params.dx));
-            if (!scatter(id, next.y, body.mass, g.v, g.B, tau * (body.volume * params.dt / params.dx))) {
+            let stress = kirchhoff(next.state, principal, material, g.gradient * (1.0 / params.dx));
+            if (stress.stiffening * body.demand > params.soft_demand) {
+                atomicOr(&status.halt, HALT_REPLAN);
+            }
+            if (!scatter(id, next.y, body.mass, g.v, g.B, stress.tau * (body.volume * params.dt / params.dx))) {
                 fail(ERROR_NAN, id);
             }
             let n = vec3<u32>(next.shift + vec3<i32>(1));

@@ -27,8 +27,8 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
             B[2][k] = frame_velocity[(9u + k) * params.particles + id];
         }
         let grad_v = times_inverse_moment(B, y) * (1.0 / params.dx);
-        let tau = kirchhoff(state, material, grad_v);
-        if (!scatter(id, y, body.mass, v, B, tau * (body.volume * params.dt / params.dx))) {
+        let stress = kirchhoff(state, decompose(state, material.model), material, grad_v);
+        if (!scatter(id, y, body.mass, v, B, stress.tau * (body.volume * params.dt / params.dx))) {
             fail(ERROR_NAN, id);
         }
         position_out[to] = vec4<u32>(frame_position[id].xyz, id);

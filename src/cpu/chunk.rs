@@ -2,7 +2,7 @@
 //! block's particles are contiguous.
 
 use crate::sim::kernel::Kernel;
-use crate::sim::linalg::{Matrix, Vector};
+use crate::sim::linalg::{Matrix, Vector, apply};
 use crate::sim::real::Real;
 
 /// Particles of a chunk.
@@ -23,6 +23,8 @@ pub struct Chunk<T, const D: usize> {
     pub b: [[Lanes<T>; D]; D],
     /// Deformation gradient; of a fluid only J, in the first entry.
     pub f: [[Lanes<T>; D]; D],
+    /// Plastic state of the laws that have one.
+    pub plastic: Lanes<T>,
     /// ∇v (1/s) of the last G2P, kept for a fluid's viscosity only.
     pub grad_v: [[Lanes<T>; D]; D],
     /// Index in sampling order.
@@ -46,6 +48,7 @@ impl<T: Real, const D: usize> Chunk<T, D> {
             v: zero[0],
             b: zero,
             f,
+            plastic: [T::ZERO; LANES],
             grad_v: zero,
             id: [u32::MAX; LANES],
             count: 0,
@@ -64,6 +67,7 @@ impl<T: Real, const D: usize> Chunk<T, D> {
                 self.grad_v[i][k][lane] = from.grad_v[i][k][from_lane];
             }
         }
+        self.plastic[lane] = from.plastic[from_lane];
         self.id[lane] = from.id[from_lane];
     }
 }
@@ -154,6 +158,35 @@ impl<T: Real, const D: usize, const G: usize, const W: usize> Stencils<T, D, G, 
             }
         }
         moments
+    }
+
+    /// ½ Σ_s Σ_i w² of every particle: what Σ w m_i / m_p is when no other particle shares its nodes.
+    pub fn own_share(&self) -> Lanes<T> {
+        let mut share = [T::ZERO; LANES];
+        for l in 0..LANES {
+            for g in 0..G {
+                let mut product = T::ONE / T::from_i32(G as i32);
+                for a in 0..D {
+                    let squares = (0..W).map(|k| self.weight[a][g][k][l] * self.weight[a][g][k][l]);
+                    product *= squares.sum();
+                }
+                share[l] += product;
+            }
+        }
+        share
+    }
+
+    /// m D at lane l's position.
+    pub fn times_moment(&self, m: &Matrix<T, D>, l: usize) -> Matrix<T, D> {
+        let skew = vector(&self.skew, l);
+        let along = apply(m, &skew);
+        let mut product = *m;
+        for i in 0..D {
+            for k in 0..D {
+                product[i][k] = m[i][k] * self.spread[k][l] + along[i] * skew[k];
+            }
+        }
+        product
     }
 
     /// m D⁻¹ at lane l's position.

@@ -4,7 +4,7 @@ use super::stages::{Moved, Stages, stages};
 use crate::engine::{Backend, Control, Engine, EngineError, FrameStats};
 use crate::sim::particles::Particles;
 use crate::sim::problem::{Axis, Problem};
-use crate::sim::timestep::plan_frame;
+use crate::sim::timestep::{REPLAN_DEMAND, plan_frame};
 
 /// A problem loaded on the CPU.
 pub struct CpuEngine {
@@ -89,8 +89,9 @@ impl Engine for CpuEngine {
     fn advance_frame(&mut self, frame_s: f64, control: &dyn Control) -> Result<FrameStats, EngineError> {
         let (start_s, first_step) = (self.time_s, self.step);
         self.stages.start_frame();
-        let (speed, rate) = self.stages.fastest();
-        let mut plan = plan_frame(&self.problem, speed, rate, frame_s);
+        let extremes = self.stages.extremes();
+        let mut plan = plan_frame(&self.problem, &extremes, frame_s);
+        let mut isolated_reset = 0;
         let mut from_s = start_s;
         let mut done = 0;
         self.stages.p2g(plan.dt_s);
@@ -106,24 +107,28 @@ impl Engine for CpuEngine {
             self.time_s = if last { start_s + frame_s } else { from_s + done as f64 * plan.dt_s };
             self.check(&moved)?;
             control.progress(self.step, self.time_s);
+            isolated_reset += moved.isolated;
             if last {
                 break;
             }
-            // Faster than planned for: what remains of the frame in smaller equal steps.
-            let too_fast = moved.max_speed_m_s * plan.dt_s > self.problem.cfl * self.problem.dx;
-            if too_fast {
-                let (speed, rate) = self.stages.fastest();
+            // Faster or stiffer than planned for: what remains of the frame in smaller equal steps.
+            let too_long = moved.max_speed_m_s * plan.dt_s > self.problem.cfl * self.problem.dx
+                || moved.growing
+                || moved.demand_1_s2 * plan.dt_s * plan.dt_s > REPLAN_DEMAND;
+            if too_long {
+                let extremes = self.stages.extremes();
                 from_s = self.time_s;
-                plan = plan_frame(&self.problem, speed, rate, start_s + frame_s - from_s);
+                let longest = plan_frame(&self.problem, &extremes, start_s + frame_s - from_s);
+                plan = longest.no_longer_than(plan.dt_s);
                 done = 0;
             }
-            if too_fast || moved.strayed {
+            if too_long || moved.strayed {
                 self.stages.bin();
                 self.stages.p2g(plan.dt_s);
             }
         }
         let steps = self.step - first_step;
-        Ok(FrameStats { steps, dt_s: frame_s / steps as f64, isolated_reset: 0 })
+        Ok(FrameStats { steps, dt_s: frame_s / steps as f64, isolated_reset })
     }
 
     fn snapshot(&mut self) -> Result<Particles, EngineError> {

@@ -12,6 +12,7 @@ use crate::material::Law;
 use crate::sim::kernel::Kernel;
 use crate::sim::linalg::{add_scaled as add_scaled_matrix, mul, trace};
 use crate::sim::real::Real;
+use crate::sim::timestep::MAX_GROWTH;
 
 /// What the particles of a block did.
 #[derive(Clone, Copy, Debug, Default)]
@@ -24,6 +25,12 @@ pub struct Moves<T> {
     pub outside: bool,
     /// A particle has left its tile: bin before the next P2G.
     pub strayed: bool,
+    /// An entry of dt ∇v is above [`MAX_GROWTH`].
+    pub growing: bool,
+    /// Largest demand of the particles' materials after the step, if P2G has looked (1/s²).
+    pub demand: T,
+    /// Particles reset because they were alone on their nodes.
+    pub isolated: u64,
 }
 
 impl<T: Real> Moves<T> {
@@ -33,6 +40,9 @@ impl<T: Real> Moves<T> {
             diverged: self.diverged | other.diverged,
             outside: self.outside | other.outside,
             strayed: self.strayed | other.strayed,
+            growing: self.growing | other.growing,
+            demand: self.demand.max(other.demand),
+            isolated: self.isolated + other.isolated,
         }
     }
 }
@@ -81,7 +91,7 @@ widest! {
 /// ½ Σ_s Σ_i w v_i, and per axis ½ Σ_s Σ_i v_i `other`, where `other` takes the weight's place on that axis: w d for
 /// B (d = (x_i − x_p)/dx), ∂w/∂x dx for ∇v.
 #[inline(always)]
-fn gather_lane<T: Real, const D: usize, const G: usize, const W: usize>(
+pub(super) fn gather_lane<T: Real, const D: usize, const G: usize, const W: usize>(
     lowest: &[i32; 2],
     s: &Stencils<T, D, G, W>,
     other: &[[[[T; LANES]; W]; G]; D],
@@ -147,6 +157,7 @@ widest! {
                 let change = mul(&matrix(grad_v, l), &f);
                 set_matrix(&mut chunk.f, l, &add_scaled_matrix(&f, dt, &change));
             }
+            flow(&setup.bodies[chunk.body as usize].law, chunk);
         }
 
         let step = dt / setup.dx;
@@ -163,11 +174,33 @@ widest! {
                 moves.outside |= (x < inside[a][0]) | (x > inside[a][1]);
             }
         }
+        let mut growth = [T::ZERO; LANES];
+        for entry in grad_v.iter().flatten() {
+            for l in 0..LANES {
+                growth[l] = growth[l].max(entry[l].abs());
+            }
+        }
+        let most = T::from_f64(MAX_GROWTH) / dt;
+        moves.growing = growth[..chunk.count].iter().any(|&g| g > most);
         for l in 0..LANES {
             moves.speed_squared = moves.speed_squared.max(speed_squared[l]);
             let share = speed_squared[l] * step * step;
             moves.diverged |= (share >= T::ONE) | !share.is_finite();
         }
         moves
+    }
+}
+
+/// Return maps of a chunk's particles.
+fn flow<T: Real, const D: usize>(law: &Law<T>, chunk: &mut Chunk<T, D>) {
+    if !law.is_plastic() {
+        return;
+    }
+    for l in 0..chunk.count {
+        let (mut f, mut plastic) = (matrix(&chunk.f, l), chunk.plastic[l]);
+        // A state that is not finite shows as a velocity that is not finite in the next G2P.
+        law.return_map(&mut f, &mut plastic);
+        set_matrix(&mut chunk.f, l, &f);
+        chunk.plastic[l] = plastic;
     }
 }

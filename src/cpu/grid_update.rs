@@ -17,6 +17,7 @@ use crate::sim::real::Real;
 #[derive(Clone, Debug, Default)]
 pub struct Grid<T, const D: usize> {
     tables: Tables<D>,
+    /// The mass in its place.
     velocities: Vec<Node<T>>,
 }
 
@@ -82,6 +83,7 @@ impl<T: Real, const D: usize> Grid<T, D> {
                 let v = walls(problem, v, i, shift[g]);
                 let v = near.iter().fold(v, |v, collider| collide(problem, collider, v, i, shift[g], time_s));
                 velocity[..D].copy_from_slice(&v);
+                velocity[MASS] = node[MASS];
             }
         });
         self.velocities = velocities;

@@ -3,10 +3,10 @@
 
 use std::marker::PhantomData;
 
-use super::chunk::{Chunk, LANES, MatrixLanes, Stencils, matrix, set_matrix};
+use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, Stencils, matrix, set_matrix};
 use super::solver::Setup;
 use super::tile::{Layout, Node};
-use super::{g2p, p2g};
+use super::{g2p, isolated, p2g};
 use crate::sim::kernel::{Compact, Cubic, Kernel as KernelForm, Linear, Quadratic};
 use crate::sim::problem::Kernel;
 use crate::sim::real::Real;
@@ -18,6 +18,10 @@ pub trait Interpolation<T, const D: usize>: Send + Sync {
     fn gather(&self, setup: &Setup<T, D>, chunk: &mut Chunk<T, D>, tile: &[Node<T>], grad_v: &mut MatrixLanes<T, D>);
     /// [`p2g::scatter`].
     fn scatter(&self, setup: &Setup<T, D>, chunk: &Chunk<T, D>, dt: T, tau: &MatrixLanes<T, D>, tile: &mut [Node<T>]);
+    /// [`isolated::find`].
+    fn isolated(&self, setup: &Setup<T, D>, chunk: &Chunk<T, D>, tile: &[Node<T>]) -> Lanes<bool>;
+    /// [`isolated::reset`].
+    fn reset(&self, setup: &Setup<T, D>, chunk: &mut Chunk<T, D>, isolated: &Lanes<bool>);
     /// C = B D⁻¹ (1/s).
     fn affine_rates(&self, setup: &Setup<T, D>, chunk: &Chunk<T, D>) -> MatrixLanes<T, D>;
 }
@@ -37,6 +41,14 @@ impl<T: Real, K: KernelForm<G, W>, const D: usize, const G: usize, const W: usiz
 
     fn scatter(&self, setup: &Setup<T, D>, chunk: &Chunk<T, D>, dt: T, tau: &MatrixLanes<T, D>, tile: &mut [Node<T>]) {
         p2g::scatter::<T, K, D, G, W>(setup, chunk, dt, tau, tile);
+    }
+
+    fn isolated(&self, setup: &Setup<T, D>, chunk: &Chunk<T, D>, tile: &[Node<T>]) -> Lanes<bool> {
+        isolated::find::<T, K, D, G, W>(setup, chunk, tile)
+    }
+
+    fn reset(&self, setup: &Setup<T, D>, chunk: &mut Chunk<T, D>, isolated: &Lanes<bool>) {
+        isolated::reset::<T, K, D, G, W>(setup, chunk, isolated);
     }
 
     fn affine_rates(&self, setup: &Setup<T, D>, chunk: &Chunk<T, D>) -> MatrixLanes<T, D> {

@@ -8,6 +8,7 @@ mod engine;
 mod g2p;
 mod grid_update;
 mod interpolation;
+mod isolated;
 mod p2g;
 mod solver;
 mod stages;

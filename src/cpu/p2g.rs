@@ -115,26 +115,43 @@ fn scatter_lane<T: Real, const D: usize, const G: usize, const W: usize, const G
 }
 
 widest! {
-    /// Kirchhoff stress τ (Pa) of the particles of a chunk.
-    pub fn stress[T: Real, const D: usize][T, D](law: &Law<T>, chunk: &Chunk<T, D>, tau: &mut MatrixLanes<T, D>) {
+    /// Kirchhoff stress τ (Pa) of the particles of a chunk. Returns the largest ratio of a particle's stiffness to that at rest.
+    pub fn stress[T: Real, const D: usize][T, D](law: &Law<T>, chunk: &Chunk<T, D>, tau: &mut MatrixLanes<T, D>) -> T {
+        let mut stiffening = [T::ONE; LANES];
         match law {
             Law::FixedCorotated(law) => {
                 let rotation = rotations(&chunk.f);
                 for l in 0..LANES {
-                    set_matrix(tau, l, &law.kirchhoff_with_rotation(&matrix(&chunk.f, l), &matrix(&rotation, l)));
+                    let f = matrix(&chunk.f, l);
+                    set_matrix(tau, l, &law.kirchhoff_with_rotation(&f, &matrix(&rotation, l)));
+                    stiffening[l] = law.stiffness_at(&f);
                 }
             }
             Law::NeoHookean(law) => {
                 for l in 0..LANES {
-                    set_matrix(tau, l, &law.kirchhoff(&matrix(&chunk.f, l)));
+                    let f = matrix(&chunk.f, l);
+                    set_matrix(tau, l, &law.kirchhoff(&f));
+                    stiffening[l] = law.stiffness_at(&f);
                 }
             }
-            Law::WeaklyCompressibleFluid(law) => {
+            Law::WeaklyCompressibleFluid(fluid) => {
                 for l in 0..LANES {
-                    set_matrix(tau, l, &law.kirchhoff(chunk.f[0][0][l], &matrix(&chunk.grad_v, l)));
+                    let j = chunk.f[0][0][l];
+                    let pressure = fluid.pressure(j);
+                    set_matrix(tau, l, &fluid.kirchhoff(j, pressure, &matrix(&chunk.grad_v, l)));
+                    stiffening[l] = law.stiffness_at_rest() * fluid.stiffening(j, pressure);
+                }
+            }
+            _ => {
+                for l in 0..chunk.count {
+                    let (stress, ratio) = law.kirchhoff(&matrix(&chunk.f, l), chunk.plastic[l]);
+                    set_matrix(tau, l, &stress);
+                    stiffening[l] = law.stiffness_at_rest() * ratio;
                 }
             }
         }
+        let most = stiffening[..chunk.count].iter().copied().fold(T::ZERO, T::max);
+        most / law.stiffness_at_rest()
     }
 }
 

@@ -14,6 +14,7 @@ use crate::sim::linalg::{det, double_dot, from_row_major, scaled_identity, to_ro
 use crate::sim::particles::Particles;
 use crate::sim::problem::{Axis, Problem, Transfer};
 use crate::sim::real::Real;
+use crate::sim::timestep::{Extremes, demands_at_rest_1_s2};
 
 /// What all particles of a body share.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +24,8 @@ pub struct BodySetup<T> {
     pub mass: T,
     /// Of one particle at rest (m³; 2D: m²).
     pub volume0: T,
+    /// Demand of the material at rest, see [`crate::sim::timestep`] (1/s²).
+    pub demand: T,
 }
 
 impl<T> BodySetup<T> {
@@ -70,10 +73,11 @@ pub struct Solver<T, const D: usize> {
 
 impl<T: Real, const D: usize> Solver<T, D> {
     pub fn new(problem: &Problem) -> Self {
-        let bodies = problem.bodies.iter().map(|body| BodySetup {
+        let bodies = problem.bodies.iter().zip(demands_at_rest_1_s2(problem)).map(|(body, demand)| BodySetup {
             law: Law::new(&problem.materials[body.material]),
             mass: T::from_f64(body.mass),
             volume0: T::from_f64(body.volume0),
+            demand: T::from_f64(demand),
         });
         let interpolation = interpolation(problem.kernel);
         let periodic = |a: usize| matches!(problem.axes[a], Axis::Periodic).then_some(problem.cells[a] as i32);
@@ -121,6 +125,7 @@ impl<T: Real, const D: usize> Solver<T, D> {
                 from_row_major(&particles.f[i])
             };
             set_matrix(&mut chunk.f, lane, &state);
+            chunk.plastic[lane] = T::from_f64(particles.plastic[i]);
             chunk.id[lane] = i as u32;
         });
         self.start_frame();
@@ -146,6 +151,7 @@ impl<T: Real, const D: usize> Solver<T, D> {
             v: vec![[0.0; 3]; count],
             b: vec![[0.0; 9]; count],
             f: vec![[0.0; 9]; count],
+            plastic: vec![0.0; count],
             body: vec![0; count],
         };
         for chunk in &self.chunks {
@@ -168,27 +174,31 @@ impl<T: Real, const D: usize> Solver<T, D> {
                 } else {
                     to_row_major(&matrix(&chunk.f, l), 1.0)
                 };
+                p.plastic[id] = chunk.plastic[l].to_f64();
                 p.body[id] = chunk.body;
             }
         }
         p
     }
 
-    /// Largest speed (m/s) and largest ‖C‖ (Frobenius, 1/s), C = B D⁻¹, of all particles.
-    pub fn fastest(&self) -> (f64, f64) {
+    /// What the particles ask of the coming steps; C = B D⁻¹.
+    pub fn extremes(&self) -> Extremes {
         let of_chunk = |chunk: &Chunk<T, D>| {
             let rates = self.interpolation.affine_rates(&self.setup, chunk);
+            let body = &self.setup.bodies[chunk.body as usize];
+            let mut scratch = rates;
+            let demand = body.demand * p2g::stress(&body.law, chunk, &mut scratch).max(T::ONE);
             let (mut speed, mut rate) = (T::ZERO, T::ZERO);
             for l in 0..chunk.count {
                 let c = matrix(&rates, l);
                 rate = rate.max(double_dot(&c, &c));
                 speed = speed.max((0..D).map(|a| chunk.v[a][l] * chunk.v[a][l]).sum());
             }
-            (speed.to_f64(), rate.to_f64())
+            [speed, rate, demand].map(T::to_f64)
         };
-        let max = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
-        let (speed, rate) = self.chunks.par_iter().map(of_chunk).reduce(|| (0.0, 0.0), max);
-        (speed.sqrt(), rate.sqrt())
+        let max = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| a[k].max(b[k]));
+        let [speed, rate, demand_1_s2] = self.chunks.par_iter().map(of_chunk).reduce(|| [0.0; 3], max);
+        Extremes { speed_m_s: speed.sqrt(), affine_rate_1_s: rate.sqrt(), demand_1_s2 }
     }
 
     /// Particles → tiles, forces for a step of `dt_s` included.
@@ -201,7 +211,7 @@ impl<T: Real, const D: usize> Solver<T, D> {
         self.grid.update(&self.problem, &self.tiles, self.setup.layout.shift, dt_s, time_s);
     }
 
-    /// Node velocities → particles; the last step of a frame.
+    /// Node velocities → particles; the last step of a frame, which resets particles that are alone.
     pub fn g2p(&mut self, dt_s: f64) -> Moves<T> {
         self.step_blocks(dt_s, true, false)
     }
@@ -235,11 +245,18 @@ impl<T: Real, const D: usize> Solver<T, D> {
             let mut scratch: MatrixLanes<T, D> = chunks[0].b;
             for chunk in chunks {
                 if g2p {
+                    let alone = (!p2g).then(|| interpolation.isolated(setup, chunk, velocities));
                     interpolation.gather(setup, chunk, velocities, &mut scratch);
                     moves = moves.and(g2p::advance(setup, chunk, dt, &scratch, &block.inside));
+                    if let Some(alone) = alone.filter(|alone| alone.contains(&true)) {
+                        interpolation.reset(setup, chunk, &alone);
+                        moves.isolated += alone.iter().filter(|&&alone| alone).count() as u64;
+                    }
                 }
                 if p2g && !(moves.strayed || moves.diverged) {
-                    p2g::stress(&setup.bodies[chunk.body as usize].law, chunk, &mut scratch);
+                    let body = &setup.bodies[chunk.body as usize];
+                    let stiffening = p2g::stress(&body.law, chunk, &mut scratch);
+                    moves.demand = moves.demand.max(body.demand * stiffening);
                     interpolation.scatter(setup, chunk, dt, &scratch, tile);
                 }
             }

@@ -6,6 +6,7 @@ use super::solver::Solver;
 use crate::sim::particles::Particles;
 use crate::sim::problem::{Precision, Problem};
 use crate::sim::real::Real;
+use crate::sim::timestep::Extremes;
 
 /// What the particles did in a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -18,6 +19,12 @@ pub struct Moved {
     pub outside: bool,
     /// A particle left the nodes of its block: bin before the next p2g.
     pub strayed: bool,
+    /// An entry of dt ∇v was above what a step should change F by.
+    pub growing: bool,
+    /// Largest demand of the materials after the step (1/s²); 0 unless P2G followed.
+    pub demand_1_s2: f64,
+    /// Particles reset because they were alone on their nodes; by `g2p` only.
+    pub isolated: u64,
 }
 
 /// The stages of a step, one at a time. A frame is `start_frame`, `p2g`, then per step `grid_update` and `g2p2g`, in the
@@ -33,7 +40,7 @@ pub trait Stages: Send {
     fn p2g(&mut self, dt_s: f64);
     /// Node velocities at the end of a step from `time_s`; surfaces are where they are at its start.
     fn grid_update(&mut self, dt_s: f64, time_s: f64);
-    /// Moves particles.
+    /// Moves particles; as the last step of a frame, resets those that are alone on their nodes.
     fn g2p(&mut self, dt_s: f64) -> Moved;
     /// `g2p`, then `p2g` for a next step of the same length, unless particles strayed.
     fn g2p2g(&mut self, dt_s: f64) -> Moved;
@@ -41,8 +48,8 @@ pub trait Stages: Send {
     fn particles(&self) -> Particles;
     /// All nodes with mass, after `p2g`.
     fn nodes(&self) -> Vec<NodeState>;
-    /// Largest speed (m/s) and largest ‖C‖ (Frobenius, 1/s).
-    fn fastest(&self) -> (f64, f64);
+    /// What the particles ask of the coming steps.
+    fn extremes(&self) -> Extremes;
 }
 
 impl<T: Real, const D: usize> Stages for Solver<T, D> {
@@ -73,8 +80,8 @@ impl<T: Real, const D: usize> Stages for Solver<T, D> {
     fn nodes(&self) -> Vec<NodeState> {
         self.grid.nodes(&self.tiles)
     }
-    fn fastest(&self) -> (f64, f64) {
-        Solver::fastest(self)
+    fn extremes(&self) -> Extremes {
+        Solver::extremes(self)
     }
 }
 
@@ -85,6 +92,9 @@ impl<T: Real> From<Moves<T>> for Moved {
             diverged: m.diverged,
             outside: m.outside,
             strayed: m.strayed,
+            growing: m.growing,
+            demand_1_s2: m.demand.to_f64(),
+            isolated: m.isolated,
         }
     }
 }

@@ -18,7 +18,7 @@ pub struct Sizes {
     /// Slots for active blocks.
     pub capacity: usize,
     pub grids: usize,
-    /// Deformation channels: 1 (fluids only) or 9.
+    /// Deformation channels: 1 (fluids only), 9 or 10 (with plastic state).
     pub channels: usize,
     pub bodies: usize,
     pub materials: usize,

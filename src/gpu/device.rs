@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::shaders::{self, Stage};
 use crate::engine::{Backend, EngineError};
-use crate::sim::problem::{Kernel, Transfer};
+use crate::sim::problem::{Kernel, Material, Problem, Transfer};
 
 /// Storage buffers of the one bind group that all stages share.
 pub const STORAGE_BUFFERS: u32 = 24;
@@ -79,7 +79,30 @@ fn driver(info: &wgpu::AdapterInfo) -> String {
     format!("{} {}", info.driver, info.driver_info).trim().to_string()
 }
 
-/// Compiled stages of one kernel and transfer.
+/// What pipelines are specialised for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Variant {
+    pub kernel: Kernel,
+    /// MLS instead of APIC.
+    pub mls: bool,
+    /// Some law works in principal space.
+    pub principal: bool,
+}
+
+impl Variant {
+    pub fn of(problem: &Problem) -> Self {
+        let closed_form = |m: &Material| {
+            matches!(m, Material::FixedCorotated(_) | Material::NeoHookean(_) | Material::WeaklyCompressibleFluid(_))
+        };
+        Self {
+            kernel: problem.kernel,
+            mls: problem.transfer == Transfer::Mls,
+            principal: !problem.materials.iter().all(closed_form),
+        }
+    }
+}
+
+/// Compiled stages of one variant.
 pub struct Pipelines {
     pub stages: HashMap<Stage, wgpu::ComputePipeline>,
 }
@@ -94,7 +117,7 @@ pub struct Gpu {
     pub layout: wgpu::BindGroupLayout,
     pub dispatch_layout: wgpu::BindGroupLayout,
     pub workgroup: u32,
-    pipelines: Mutex<HashMap<(Kernel, bool), Arc<Pipelines>>>,
+    pipelines: Mutex<HashMap<Variant, Arc<Pipelines>>>,
     /// First error since the last check; one run's failure is not the next one's.
     fault: Arc<Mutex<Option<String>>>,
     /// Set for good when the device is gone.
@@ -207,47 +230,58 @@ impl Gpu {
         self.check()
     }
 
-    /// Compiles a kernel's and transfer's stages once.
-    pub fn pipelines(&self, kernel: Kernel, transfer: Transfer) -> Result<Arc<Pipelines>, EngineError> {
-        let mls = transfer == Transfer::Mls;
+    /// Compiles a variant's stages once.
+    pub fn pipelines(&self, variant: Variant) -> Result<Arc<Pipelines>, EngineError> {
         let mut cache = self.pipelines.lock().unwrap();
-        if let Some(p) = cache.get(&(kernel, mls)) {
+        if let Some(p) = cache.get(&variant) {
             return Ok(p.clone());
         }
-        let stages = Stage::ALL.iter().map(|&s| (s, self.compile(s, kernel, mls))).collect();
+        let compile = |stage: Stage| {
+            let mut groups = vec![Some(&self.layout)];
+            if stage.writes_dispatches() {
+                groups.push(Some(&self.dispatch_layout));
+            }
+            let constants = [
+                ("WORKGROUP", f64::from(self.workgroup)),
+                ("MLS", f64::from(u8::from(variant.mls))),
+                ("PRINCIPAL", f64::from(u8::from(variant.principal))),
+            ];
+            self.compile(stage.name(), &shaders::source(stage, variant.kernel), &groups, &constants)
+        };
+        let stages = Stage::ALL.iter().map(|&stage| (stage, compile(stage))).collect();
         self.check()?;
         let compiled = Arc::new(Pipelines { stages });
-        cache.insert((kernel, mls), compiled.clone());
+        cache.insert(variant, compiled.clone());
         Ok(compiled)
     }
 
-    fn compile(&self, stage: Stage, kernel: Kernel, mls: bool) -> wgpu::ComputePipeline {
-        let descriptor = wgpu::ShaderModuleDescriptor {
-            label: Some(stage.name()),
-            source: wgpu::ShaderSource::Wgsl(shaders::source(stage, kernel).into()),
-        };
+    /// A pipeline of the entry point `main` of a source.
+    pub(super) fn compile(
+        &self,
+        name: &str,
+        source: &str,
+        groups: &[Option<&wgpu::BindGroupLayout>],
+        constants: &[(&str, f64)],
+    ) -> wgpu::ComputePipeline {
+        let descriptor =
+            wgpu::ShaderModuleDescriptor { label: Some(name), source: wgpu::ShaderSource::Wgsl(source.into()) };
         let mut checks = wgpu::ShaderRuntimeChecks::checked();
         // Every loop of ours is bounded; naga's guard is a 64-bit counter in each of them.
         checks.force_loop_bounding = false;
         // SAFETY: the only check that is off is the loop bound, and no shader of ours has an unbounded loop.
         let module = unsafe { self.device.create_shader_module_trusted(descriptor, checks) };
-        let mut groups = vec![Some(&self.layout)];
-        if stage.writes_dispatches() {
-            groups.push(Some(&self.dispatch_layout));
-        }
         let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(stage.name()),
-            bind_group_layouts: &groups,
+            label: Some(name),
+            bind_group_layouts: groups,
             immediate_size: 0,
         });
-        let constants = [("WORKGROUP", f64::from(self.workgroup)), ("MLS", f64::from(u8::from(mls)))];
         self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(stage.name()),
+            label: Some(name),
             layout: Some(&layout),
             module: &module,
             entry_point: Some("main"),
             compilation_options: wgpu::PipelineCompilationOptions {
-                constants: &constants,
+                constants,
                 zero_initialize_workgroup_memory: false,
             },
             cache: None,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::buffers::{Buffers, CHUNK_STEPS, Sizes, binding};
-use super::device::{Gpu, Pipelines};
+use super::device::{Gpu, Pipelines, Variant};
 use super::layout::{self, Params, Status};
 use super::readback::{self, GridNode};
 use super::stages::{self, Dispatch, FRAME_END, FRAME_START, STEP};
@@ -13,7 +13,7 @@ use super::upload::{self, Frame};
 use crate::engine::{Backend, Control, Engine, EngineError, FrameStats};
 use crate::sim::particles::Particles;
 use crate::sim::problem::{Kernel, Precision, Problem, Transfer};
-use crate::sim::timestep;
+use crate::sim::timestep::{self, Extremes};
 
 /// Fixed-point units of a full node's mass, and of its momentum at the velocity of scale: 2^27 leaves a factor of 4 up to the
 /// soft limit and 8 up to the hard one, and resolves 1e-8 of a full node.
@@ -36,6 +36,10 @@ pub struct GpuEngine {
     steps: u64,
     /// Bound on node speeds at the frame's start (m/s).
     max_speed: f64,
+    /// Demand of the materials at the frame's start (1/s²).
+    max_demand: f64,
+    /// Particles reset in this frame.
+    isolated: u64,
     /// Coarsening of the fixed-point scales that this run has needed.
     mass_range: f64,
     momentum_range: f64,
@@ -97,11 +101,11 @@ impl GpuEngine {
         write(binding::MATERIALS, bytemuck::cast_slice(&upload::materials(problem)));
         write(binding::SDF_OPS, bytemuck::cast_slice(&sdf_ops));
         write(binding::COLLIDERS, bytemuck::cast_slice(&colliders));
-        let pipelines = gpu.pipelines(problem.kernel, problem.transfer)?;
+        let pipelines = gpu.pipelines(Variant::of(problem))?;
         let backend = gpu.backend(reason);
         let params = frame.params(problem);
-        let max_speed = timestep::initial_speed_m_s(problem)
-            + 3.0f64.sqrt() * problem.dx * timestep::initial_affine_rate_1_s(problem);
+        let extremes = timestep::initial_extremes(problem);
+        let max_speed = extremes.speed_m_s + 3.0f64.sqrt() * problem.dx * extremes.affine_rate_1_s;
         let problem = Problem { particles: Particles::default(), ..problem.clone() };
         gpu.check()?;
         Ok(Self {
@@ -115,6 +119,8 @@ impl GpuEngine {
             time_s: 0.0,
             steps: 0,
             max_speed,
+            max_demand: extremes.demand_1_s2,
+            isolated: 0,
             mass_range: 1.0,
             momentum_range: 1.0,
             chunk: 4,
@@ -145,10 +151,17 @@ impl GpuEngine {
         if status.halt != 0 || status.finished == 0 {
             return Err(self.failure(&status, dt_s));
         }
-        self.max_speed = f64::from(f32::from_bits(status.max_speed));
+        self.arrive(&status);
         self.steps += steps;
         self.time_s += steps as f64 * dt_s;
         Ok(())
+    }
+
+    /// Takes over what the last `g2p` measured.
+    fn arrive(&mut self, status: &Status) {
+        self.max_speed = f64::from(f32::from_bits(status.max_speed));
+        self.max_demand = f64::from(f32::from_bits(status.max_demand));
+        self.isolated += u64::from(status.isolated);
     }
 
     fn set_scales(&mut self, dt_s: f64) {
@@ -167,6 +180,8 @@ impl GpuEngine {
         self.params.momentum_scale = power_of_two(FULL_NODE / (full * speed));
         self.params.dt = dt_s as f32;
         self.params.soft_shift = p.cfl as f32;
+        self.params.soft_growth = timestep::MAX_GROWTH as f32;
+        self.params.soft_demand = (timestep::REPLAN_DEMAND / (dt_s * dt_s)) as f32;
         self.params.capacity = self.buffers.sizes.capacity as u32;
     }
 
@@ -258,10 +273,10 @@ impl GpuEngine {
                 if end.halt & layout::HALT_ERROR != 0 {
                     return Err(self.failure(&end, dt_s));
                 }
-                self.max_speed = f64::from(f32::from_bits(end.max_speed));
+                self.arrive(&end);
                 return Ok(Segment { steps: done + 1, halt: status.halt });
             }
-            self.max_speed = f64::from(f32::from_bits(status.max_speed));
+            self.arrive(&status);
             return Ok(Segment { steps: total, halt: 0 });
         }
     }
@@ -337,8 +352,13 @@ impl Engine for GpuEngine {
     fn advance_frame(&mut self, frame_s: f64, control: &dyn Control) -> Result<FrameStats, EngineError> {
         let mut steps = 0;
         let mut done_s = 0.0;
+        let mut longest_s = f64::INFINITY;
+        self.isolated = 0;
         for _ in 0..MAX_PLANS {
-            let plan = timestep::plan_frame(&self.problem, self.max_speed, 0.0, frame_s - done_s);
+            // The bound on node speeds has the affine part in it.
+            let extremes = Extremes { speed_m_s: self.max_speed, affine_rate_1_s: 0.0, demand_1_s2: self.max_demand };
+            let plan = timestep::plan_frame(&self.problem, &extremes, frame_s - done_s).no_longer_than(longest_s);
+            longest_s = plan.dt_s;
             let segment = self.run_segment(plan.dt_s, plan.steps, control)?;
             steps += segment.steps;
             self.steps += segment.steps;
@@ -352,7 +372,7 @@ impl Engine for GpuEngine {
                 self.momentum_range *= 8.0;
             }
             if segment.steps == plan.steps {
-                return Ok(FrameStats { steps, dt_s: frame_s / steps as f64, isolated_reset: 0 });
+                return Ok(FrameStats { steps, dt_s: frame_s / steps as f64, isolated_reset: self.isolated });
             }
         }
         Err(EngineError::Diverged {

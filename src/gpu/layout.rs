@@ -53,6 +53,10 @@ pub struct Params {
     pub momentum_scale: f32,
     pub soft_shift: f32,
     pub first_step: u32,
+    pub soft_demand: f32,
+    pub soft_growth: f32,
+    pub spare0: u32,
+    pub spare1: u32,
     pub walls: [[f32; 4]; 6],
 }
 
@@ -70,6 +74,8 @@ pub struct Status {
     pub cursor: u32,
     pub stale: u32,
     pub needed: u32,
+    pub max_demand: u32,
+    pub isolated: u32,
     pub finished: u32,
     pub groups: [u32; 8],
 }
@@ -87,7 +93,7 @@ pub struct Body {
     pub mass: f32,
     pub volume: f32,
     pub material: u32,
-    pub unused: u32,
+    pub demand: f32,
 }
 
 #[repr(C)]
@@ -97,6 +103,10 @@ pub struct Material {
     pub a: f32,
     pub b: f32,
     pub c: f32,
+    pub d: f32,
+    pub e: f32,
+    pub spare0: u32,
+    pub spare1: u32,
 }
 
 #[repr(C)]

@@ -7,6 +7,8 @@
 mod buffers;
 mod device;
 mod engine;
+#[cfg(test)]
+mod law_tests;
 pub mod layout;
 mod readback;
 pub mod shaders;

@@ -90,7 +90,7 @@ impl Stage {
     }
 }
 
-const TRANSFER: [&str; 9] = [
+const TRANSFER: [&str; 14] = [
     wgsl!("shared/tile.wgsl"),
     wgsl!("shared/transfer.wgsl"),
     wgsl!("shared/state.wgsl"),
@@ -99,6 +99,11 @@ const TRANSFER: [&str; 9] = [
     wgsl!("shared/materials/fixed_corotated.wgsl"),
     wgsl!("shared/materials/neo_hookean.wgsl"),
     wgsl!("shared/materials/weakly_compressible_fluid.wgsl"),
+    wgsl!("shared/materials/stvk_hencky.wgsl"),
+    wgsl!("shared/materials/von_mises.wgsl"),
+    wgsl!("shared/materials/drucker_prager.wgsl"),
+    wgsl!("shared/materials/nacc.wgsl"),
+    wgsl!("shared/materials/snow.wgsl"),
     wgsl!("shared/advance.wgsl"),
 ];
 

@@ -2,9 +2,12 @@
 
 use super::layout::{self, PAD_BLOCKS, Params};
 use crate::engine::EngineError;
+use crate::material::Law;
+use crate::scene::schema::Elasticity;
 use crate::sim::collider::{Collider, Pose, Primitive, SdfOp};
 use crate::sim::particles::Particles;
 use crate::sim::problem::{Axis, Contact, ContactKind, Kernel, Material, Problem};
+use crate::sim::timestep::demands_at_rest_1_s2;
 
 /// Cells by which a kernel's base node is shifted: y = x/dx - shift has floor(y) as its first node (`SHIFT` in the shaders).
 pub fn shift(kernel: Kernel) -> f64 {
@@ -27,7 +30,9 @@ pub struct Frame {
     body_of: Vec<u32>,
     /// By body.
     fluid: Vec<bool>,
-    /// Deformation channels a particle: 1 if all bodies are fluids.
+    /// By body: whether particles have a plastic state.
+    plastic: Vec<bool>,
+    /// Deformation channels a particle: 1 if all bodies are fluids, 9 for F, 10 if any body has a plastic state.
     pub channels: usize,
 }
 
@@ -42,9 +47,10 @@ impl Frame {
     pub fn new(problem: &Problem) -> Self {
         let periodic = problem.axes.map(|a| a == Axis::Periodic);
         let pad = periodic.map(|p| if p { 0 } else { PAD_BLOCKS });
-        let fluid: Vec<bool> = (problem.bodies.iter())
-            .map(|b| matches!(problem.materials[b.material], Material::WeaklyCompressibleFluid(_)))
-            .collect();
+        let of_bodies = |property: fn(&Material) -> bool| -> Vec<bool> {
+            problem.bodies.iter().map(|b| property(&problem.materials[b.material])).collect()
+        };
+        let (fluid, plastic) = (of_bodies(Material::is_fluid), of_bodies(Material::has_plastic_state));
         Self {
             origin: problem.origin,
             dx: problem.dx,
@@ -53,8 +59,13 @@ impl Frame {
             pad: pad.map(|p| 4 * p),
             periodic,
             body_of: problem.particles.body.clone(),
-            channels: if fluid.iter().all(|&f| f) { 1 } else { 9 },
+            channels: match (fluid.iter().all(|&f| f), plastic.contains(&true)) {
+                (true, _) => 1,
+                (false, false) => 9,
+                (false, true) => 10,
+            },
             fluid,
+            plastic,
         }
     }
 
@@ -104,6 +115,9 @@ impl Frame {
                     // Device distances are in cells.
                     data.velocity[(3 + 3 * column + k) * n + id] = (particles.b[id][3 * k + column] / self.dx) as f32;
                 }
+            }
+            if self.plastic[particles.body[id] as usize] {
+                data.deformation[9 * n + id] = particles.plastic[id] as f32;
             }
             let f = &particles.f[id];
             if self.fluid[particles.body[id] as usize] {
@@ -161,6 +175,8 @@ impl Frame {
             }));
             out.v.push(std::array::from_fn(|k| f64::from(velocity[k * n + id])));
             out.b.push(std::array::from_fn(|i| f64::from(velocity[(3 + 3 * (i % 3) + i / 3) * n + id]) * self.dx));
+            let plastic = self.plastic[self.body_of[id] as usize];
+            out.plastic.push(if plastic { f64::from(deformation[9 * n + id]) } else { 0.0 });
             out.f.push(if self.fluid[self.body_of[id] as usize] {
                 let s = f64::from(deformation[id]).cbrt();
                 [s, 0.0, 0.0, 0.0, s, 0.0, 0.0, 0.0, s]
@@ -205,29 +221,37 @@ fn contact_code(contact: Contact) -> u32 {
 
 pub fn bodies(problem: &Problem) -> Vec<layout::Body> {
     (problem.bodies.iter())
-        .map(|b| layout::Body { mass: b.mass as f32, volume: b.volume0 as f32, material: b.material as u32, unused: 0 })
+        .zip(demands_at_rest_1_s2(problem))
+        .map(|(b, demand)| layout::Body {
+            mass: b.mass as f32,
+            volume: b.volume0 as f32,
+            material: b.material as u32,
+            demand: demand as f32,
+        })
         .collect()
 }
 
 pub fn materials(problem: &Problem) -> Vec<layout::Material> {
-    let elastic = |model, e: &crate::scene::schema::Elastic| {
-        let (young, nu) = (e.youngs_modulus, e.poissons_ratio);
-        let mu = young / (2.0 * (1.0 + nu));
-        let lambda = young * nu / ((1.0 + nu) * (1.0 - 2.0 * nu));
-        layout::Material { model, a: mu as f32, b: lambda as f32, c: 0.0 }
+    problem.materials.iter().map(material).collect()
+}
+
+/// Parameters as the shaders know them; models are numbered as in `wgsl/shared/state.wgsl`.
+pub fn material(material: &Material) -> layout::Material {
+    let (model, parameters) = match Law::<f64>::new(material) {
+        Law::FixedCorotated(l) => (0, [l.mu, l.lambda, 0.0, 0.0, 0.0]),
+        Law::NeoHookean(l) => (1, [l.mu, l.lambda, 0.0, 0.0, 0.0]),
+        Law::WeaklyCompressibleFluid(l) => (2, [l.b, l.gamma, l.viscosity, 0.0, 0.0]),
+        Law::StvkHencky(l) => (3, [l.mu, l.lambda, 0.0, 0.0, 0.0]),
+        Law::VonMises(l) => {
+            let model = if l.elasticity == Elasticity::Hencky { 4 } else { 5 };
+            (model, [l.hencky.mu, l.hencky.lambda, l.radius, 0.0, 0.0])
+        }
+        Law::DruckerPrager(l) => (6, [l.elastic.mu, l.elastic.lambda, l.slope, 0.0, 0.0]),
+        Law::Nacc(l) => (7, [l.mu, l.lambda, l.m, l.beta, l.xi]),
+        Law::Snow(l) => (8, [l.elastic.mu, l.elastic.lambda, l.least, l.most, l.hardening]),
     };
-    (problem.materials.iter())
-        .map(|m| match m {
-            Material::FixedCorotated(e) => elastic(0, e),
-            Material::NeoHookean(e) => elastic(1, e),
-            Material::WeaklyCompressibleFluid(f) => layout::Material {
-                model: 2,
-                a: (f.bulk_modulus / f.gamma) as f32,
-                b: f.gamma as f32,
-                c: f.viscosity as f32,
-            },
-        })
-        .collect()
+    let [a, b, c, d, e] = parameters.map(|x| x as f32);
+    layout::Material { model, a, b, c, d, e, ..layout::Material::default() }
 }
 
 /// Signed distance programs and colliders, in coordinates relative to `domain.min`.

@@ -3,8 +3,10 @@
 //! inverted ones included.
 
 use super::lame;
+use super::principal::{Principal, product};
+use super::stretch::largest_stretch_squared;
 use crate::scene::schema::Elastic;
-use crate::sim::linalg::{Matrix, add_scaled, det, mul_transpose};
+use crate::sim::linalg::{Matrix, Vector, add_scaled, det, mul_transpose};
 use crate::sim::real::Real;
 use crate::sim::svd::{polar_rotation, svd};
 
@@ -23,9 +25,7 @@ impl<T: Real> FixedCorotated<T> {
 
     /// ψ(F) (J/m³).
     pub fn energy<const D: usize>(&self, f: &Matrix<T, D>) -> T {
-        let stretch: T = svd(f).sigma.iter().map(|&s| (s - T::ONE) * (s - T::ONE)).sum();
-        let dilation = det(f) - T::ONE;
-        self.mu * stretch + T::HALF * self.lambda * dilation * dilation
+        Principal::energy(self, &svd(f).sigma, T::ZERO)
     }
 
     /// τ(F) (Pa).
@@ -45,5 +45,33 @@ impl<T: Real> FixedCorotated<T> {
             tau[i][i] += self.lambda * (j - T::ONE) * j;
         }
         tau
+    }
+
+    /// Bound on the stiffness ρ0 c² (Pa) at F, see [`Principal::stiffness`].
+    #[inline(always)]
+    pub fn stiffness_at<const D: usize>(&self, f: &Matrix<T, D>) -> T {
+        let j = det(f);
+        T::TWO * self.mu * largest_stretch_squared(f) + self.lambda * j * j
+    }
+}
+
+/// The law in principal space, for the plastic laws that build on it.
+impl<T: Real> Principal<T> for FixedCorotated<T> {
+    fn energy<const D: usize>(&self, sigma: &Vector<T, D>, _plastic: T) -> T {
+        let stretch: T = sigma.iter().map(|&s| (s - T::ONE) * (s - T::ONE)).sum();
+        let dilation = product(sigma) - T::ONE;
+        self.mu * stretch + T::HALF * self.lambda * dilation * dilation
+    }
+
+    fn kirchhoff<const D: usize>(&self, sigma: &Vector<T, D>, _plastic: T) -> Vector<T, D> {
+        let j = product(sigma);
+        sigma.map(|s| T::TWO * self.mu * (s - T::ONE) * s + self.lambda * (j - T::ONE) * j)
+    }
+
+    /// σ_i² ψ_ii = 2μ σ_i² + λ J²; across the axes 2μ σ_j² (1 − 1/(σ_i + σ_j)) is less.
+    fn stiffness<const D: usize>(&self, sigma: &Vector<T, D>, _plastic: T) -> T {
+        let j = product(sigma);
+        let most = sigma.iter().copied().fold(sigma[0], T::max);
+        T::TWO * self.mu * most * most + self.lambda * j * j
     }
 }

@@ -1,18 +1,31 @@
 //! Constitutive laws, one file each, generic in the scalar and the dimension (2: plane strain).
 //!
-//! Every law gives its energy density (J per m³ of the undeformed body) and the Kirchhoff stress τ = P Fᵀ = J σ (Pa).
-//! The functions of this module evaluate any [`Material`] in f64 for diagnostics and pictures.
+//! Every law gives its energy density (J per m³ of the undeformed body) and the Kirchhoff stress τ = P Fᵀ = J σ (Pa); a plastic law also a
+//! return map, and at most one scalar of plastic state. The functions of this module evaluate any [`Material`] in f64 for
+//! diagnostics and pictures.
 
+mod drucker_prager;
 mod fixed_corotated;
+mod nacc;
 mod neo_hookean;
+mod principal;
+mod snow;
+mod stretch;
+mod stvk_hencky;
+mod von_mises;
 mod weakly_compressible_fluid;
 
+pub use drucker_prager::DruckerPrager;
 pub use fixed_corotated::FixedCorotated;
+pub use nacc::Nacc;
 pub use neo_hookean::NeoHookean;
+pub use snow::Snow;
+pub use stvk_hencky::StvkHencky;
+pub use von_mises::VonMises;
 pub use weakly_compressible_fluid::WeaklyCompressibleFluid;
 
 use crate::scene::schema::{Elastic, Material};
-use crate::sim::linalg::{det, from_row_major, scaled_identity, to_row_major};
+use crate::sim::linalg::{Matrix, det, from_row_major, scaled_identity, to_row_major};
 use crate::sim::real::Real;
 
 /// A law ready to be evaluated.
@@ -20,18 +33,94 @@ use crate::sim::real::Real;
 pub enum Law<T> {
     FixedCorotated(FixedCorotated<T>),
     NeoHookean(NeoHookean<T>),
+    StvkHencky(StvkHencky<T>),
     WeaklyCompressibleFluid(WeaklyCompressibleFluid<T>),
+    DruckerPrager(DruckerPrager<T>),
+    Nacc(Nacc<T>),
+    VonMises(VonMises<T>),
+    Snow(Snow<T>),
+}
+
+/// Evaluates an expression for the law at hand as a [`principal::Principal`]; the other laws have arms of their own.
+macro_rules! principal {
+    ($value:expr, $law:ident => $principal:expr, { $($pattern:pat => $other:expr),+ $(,)? }) => {
+        match $value {
+            Law::StvkHencky($law) => $principal,
+            Law::DruckerPrager($law) => $principal,
+            Law::Nacc($law) => $principal,
+            Law::VonMises($law) => $principal,
+            Law::Snow($law) => $principal,
+            $($pattern => $other),+
+        }
+    };
 }
 
 impl<T: Real> Law<T> {
     pub fn new(material: &Material) -> Self {
+        let elastic = material.elastic().unwrap_or(Elastic { density: 0.0, youngs_modulus: 0.0, poissons_ratio: 0.0 });
         match material {
             Material::FixedCorotated(elastic) => Self::FixedCorotated(FixedCorotated::new(elastic)),
             Material::NeoHookean(elastic) => Self::NeoHookean(NeoHookean::new(elastic)),
+            Material::StvkHencky(elastic) => Self::StvkHencky(StvkHencky::new(elastic)),
             Material::WeaklyCompressibleFluid(fluid) => {
                 Self::WeaklyCompressibleFluid(WeaklyCompressibleFluid::new(fluid))
             }
+            Material::DruckerPrager(sand) => Self::DruckerPrager(DruckerPrager::new(sand, &elastic)),
+            Material::Nacc(clay) => Self::Nacc(Nacc::new(clay, &elastic)),
+            Material::VonMises(metal) => Self::VonMises(VonMises::new(metal, &elastic)),
+            Material::Snow(snow) => Self::Snow(Snow::new(snow, &elastic)),
         }
+    }
+
+    /// Whether [`Self::return_map`] can change anything.
+    pub fn is_plastic(&self) -> bool {
+        matches!(self, Self::DruckerPrager(_) | Self::Nacc(_) | Self::VonMises(_) | Self::Snow(_))
+    }
+
+    /// ψ(F) (J/m³).
+    pub fn energy<const D: usize>(&self, f: &Matrix<T, D>, plastic: T) -> T {
+        principal!(self, law => principal::energy(law, f, plastic), {
+            Self::FixedCorotated(law) => law.energy(f),
+            Self::NeoHookean(law) => law.energy(f),
+            Self::WeaklyCompressibleFluid(law) => law.energy(det(f)),
+        })
+    }
+
+    /// τ(F) (Pa) without viscosity, and the stiffness ρ0 c² of waves at F over that at rest, which shortens the stable step.
+    pub fn kirchhoff<const D: usize>(&self, f: &Matrix<T, D>, plastic: T) -> (Matrix<T, D>, T) {
+        let at_rest = self.stiffness_at_rest();
+        let (tau, stiffness) = principal!(self, law => principal::kirchhoff(law, f, plastic), {
+            Self::FixedCorotated(law) => (law.kirchhoff(f), law.stiffness_at(f)),
+            Self::NeoHookean(law) => (law.kirchhoff(f), law.stiffness_at(f)),
+            Self::WeaklyCompressibleFluid(law) => {
+                let j = det(f);
+                let pressure = law.pressure(j);
+                (scaled_identity(-j * pressure), at_rest * law.stiffening(j, pressure))
+            },
+        });
+        (tau, stiffness / at_rest)
+    }
+
+    /// λ + 2μ (Pa).
+    pub fn stiffness_at_rest(&self) -> T {
+        let (mu, lambda) = match self {
+            Self::FixedCorotated(law) => (law.mu, law.lambda),
+            Self::NeoHookean(law) => (law.mu, law.lambda),
+            Self::StvkHencky(law) => (law.mu, law.lambda),
+            Self::WeaklyCompressibleFluid(law) => (T::ZERO, law.b * law.gamma),
+            Self::DruckerPrager(law) => (law.elastic.mu, law.elastic.lambda),
+            Self::Nacc(law) => (law.mu, law.lambda),
+            Self::VonMises(law) => (law.hencky.mu, law.hencky.lambda),
+            Self::Snow(law) => (law.elastic.mu, law.elastic.lambda),
+        };
+        lambda + T::TWO * mu
+    }
+
+    /// Moves F and the plastic state back to the yield surface, if they are beyond it. Elastic laws leave them alone.
+    pub fn return_map<const D: usize>(&self, f: &mut Matrix<T, D>, plastic: &mut T) {
+        principal!(self, law => principal::return_map(law, f, plastic), {
+            Self::FixedCorotated(_) | Self::NeoHookean(_) | Self::WeaklyCompressibleFluid(_) => {},
+        });
     }
 }
 
@@ -41,33 +130,46 @@ pub fn lame(elastic: &Elastic) -> (f64, f64) {
     (e / (2.0 * (1.0 + nu)), e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)))
 }
 
-/// Energy per undeformed volume (J/m³) at the deformation gradient `f` (row-major 3 × 3; plane strain has F_zz = 1, so
-/// one evaluation serves 2D and 3D).
-pub fn energy_density(material: &Material, f: &[f64; 9]) -> f64 {
-    let f = from_row_major::<f64, 3>(f);
-    match Law::new(material) {
-        Law::FixedCorotated(law) => law.energy(&f),
-        Law::NeoHookean(law) => law.energy(&f),
-        Law::WeaklyCompressibleFluid(law) => law.energy(det(&f)),
+/// Plastic state of a body at rest.
+pub fn initial_plastic_state(material: &Material) -> f64 {
+    match material {
+        Material::Nacc(clay) => clay.alpha0,
+        Material::Snow(_) => 1.0,
+        _ => 0.0,
+    }
+}
+
+/// Energy per undeformed volume (J/m³) at the deformation gradient `f` (row-major 3 × 3; plane strain has F_zz = 1, and all laws but
+/// NACC are then the same in three dimensions).
+pub fn energy_density(material: &Material, dimension: usize, f: &[f64; 9], plastic: f64) -> f64 {
+    let law = Law::new(material);
+    match (&law, dimension) {
+        (Law::Nacc(_), 2) => law.energy(&from_row_major::<f64, 2>(f), plastic),
+        _ => law.energy(&from_row_major::<f64, 3>(f), plastic),
     }
 }
 
 /// Kirchhoff stress τ = J σ (Pa), row-major, without viscosity; arguments as [`energy_density`].
-pub fn kirchhoff(material: &Material, f: &[f64; 9]) -> [f64; 9] {
-    let f = from_row_major::<f64, 3>(f);
-    let tau = match Law::new(material) {
-        Law::FixedCorotated(law) => law.kirchhoff(&f),
-        Law::NeoHookean(law) => law.kirchhoff(&f),
-        Law::WeaklyCompressibleFluid(law) => scaled_identity(-det(&f) * law.pressure(det(&f))),
-    };
-    to_row_major(&tau, 0.0)
+pub fn kirchhoff(material: &Material, dimension: usize, f: &[f64; 9], plastic: f64) -> [f64; 9] {
+    let law = Law::new(material);
+    match (&law, dimension) {
+        (Law::Nacc(_), 2) => {
+            let tau = law.kirchhoff(&from_row_major::<f64, 2>(f), plastic).0;
+            to_row_major(&tau, 0.5 * (tau[0][0] + tau[1][1]))
+        }
+        _ => to_row_major(&law.kirchhoff(&from_row_major::<f64, 3>(f), plastic).0, 0.0),
+    }
 }
 
 /// Cauchy stress σ (Pa), row-major, without viscosity; arguments as [`energy_density`].
-pub fn cauchy(material: &Material, f: &[f64; 9]) -> [f64; 9] {
+pub fn cauchy(material: &Material, dimension: usize, f: &[f64; 9], plastic: f64) -> [f64; 9] {
     let j = det(&from_row_major::<f64, 3>(f));
-    kirchhoff(material, f).map(|tau| tau / j)
+    kirchhoff(material, dimension, f, plastic).map(|tau| tau / j)
 }
 
+#[cfg(test)]
+mod plastic_tests;
+#[cfg(test)]
+pub use plastic_tests::samples as law_samples;
 #[cfg(test)]
 mod tests;

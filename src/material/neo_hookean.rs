@@ -3,6 +3,7 @@
 //! below: an inverted particle is a divergence that the engine reports.
 
 use super::lame;
+use super::stretch::largest_stretch_squared;
 use crate::scene::schema::Elastic;
 use crate::sim::linalg::{Matrix, det, double_dot, mul_transpose};
 use crate::sim::real::Real;
@@ -39,5 +40,11 @@ impl<T: Real> NeoHookean<T> {
             tau[i][i] += self.lambda * ln_j - self.mu;
         }
         tau
+    }
+
+    /// Bound on the stiffness ρ0 c² (Pa) at F: σ_i² ψ_ii = μ (σ_i² + 1) + λ (1 − ln J); across the axes μ σ_j² is less.
+    #[inline(always)]
+    pub fn stiffness_at<const D: usize>(&self, f: &Matrix<T, D>) -> T {
+        self.mu * (largest_stretch_squared(f) + T::ONE) + self.lambda * (T::ONE - det(f).ln())
     }
 }

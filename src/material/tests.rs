@@ -81,7 +81,7 @@ fn fluid_pressure_is_the_energys_derivative() {
         assert_eq!((law.pressure(1.0), law.energy(1.0)), (0.0, 0.0));
         for j in [0.9, 0.99, 1.0, 1.01, 1.2] {
             let f = deformation(rng, [1.1, 1.0, j / 1.1]);
-            let tau = law.kirchhoff(det(&f), &[[0.0; 3]; 3]);
+            let tau = law.kirchhoff(det(&f), law.pressure(det(&f)), &[[0.0; 3]; 3]);
             check_stress(rng, &f, |f| law.energy(det(f)), &tau, FLUID.bulk_modulus);
         }
         // The bulk modulus is the slope at rest.
@@ -93,9 +93,9 @@ fn fluid_pressure_is_the_energys_derivative() {
 #[test]
 fn viscous_stress_follows_the_rate_of_strain() {
     let law = WeaklyCompressibleFluid::<f64>::new(&FLUID);
-    let tau = law.kirchhoff(1.0, &[[0.0, 3.0], [1.0, 0.0]]);
+    let tau = law.kirchhoff(1.0, 0.0, &[[0.0, 3.0], [1.0, 0.0]]);
     assert_eq!(tau, [[0.0, 4.0 * FLUID.viscosity], [4.0 * FLUID.viscosity, 0.0]]);
-    let spin = law.kirchhoff(1.0, &[[0.0, 3.0], [-3.0, 0.0]]);
+    let spin = law.kirchhoff(1.0, 0.0, &[[0.0, 3.0], [-3.0, 0.0]]);
     assert_eq!(spin, [[0.0; 2]; 2]);
 }
 
@@ -141,8 +141,8 @@ fn plane_strain_is_the_three_dimensional_law_with_unit_stretch_across() {
     let flat = to_row_major(&f, 1.0);
     let elastic = Material::NeoHookean(ELASTIC);
     let law = NeoHookean::<f64>::new(&ELASTIC);
-    assert!((energy_density(&elastic, &flat) - law.energy(&f)).abs() < 1e-9);
-    let (tau, tau_flat) = (law.kirchhoff(&f), kirchhoff(&elastic, &flat));
+    assert!((energy_density(&elastic, 2, &flat, 0.0) - law.energy(&f)).abs() < 1e-9);
+    let (tau, tau_flat) = (law.kirchhoff(&f), kirchhoff(&elastic, 2, &flat, 0.0));
     for i in 0..2 {
         for k in 0..2 {
             assert!((tau[i][k] - tau_flat[3 * i + k]).abs() < 1e-9);
@@ -150,8 +150,8 @@ fn plane_strain_is_the_three_dimensional_law_with_unit_stretch_across() {
     }
     let fcr = Material::FixedCorotated(ELASTIC);
     let law = FixedCorotated::<f64>::new(&ELASTIC);
-    assert!((energy_density(&fcr, &flat) - law.energy(&f)).abs() < 1e-9);
-    assert!((kirchhoff(&fcr, &flat)[1] - law.kirchhoff(&f)[0][1]).abs() < 1e-9);
+    assert!((energy_density(&fcr, 2, &flat, 0.0) - law.energy(&f)).abs() < 1e-9);
+    assert!((kirchhoff(&fcr, 2, &flat, 0.0)[1] - law.kirchhoff(&f)[0][1]).abs() < 1e-9);
 }
 
 #[test]
@@ -160,8 +160,8 @@ fn the_enums_functions_agree_with_the_laws() {
     let law = WeaklyCompressibleFluid::<f64>::new(&FLUID);
     let root = 0.95f64.sqrt();
     let f = [root, 0.0, 0.0, 0.0, root, 0.0, 0.0, 0.0, 1.0];
-    assert!((energy_density(&fluid, &f) - law.energy(0.95)).abs() < 1e-9);
-    let sigma = cauchy(&fluid, &f);
+    assert!((energy_density(&fluid, 3, &f, 0.0) - law.energy(0.95)).abs() < 1e-9);
+    let sigma = cauchy(&fluid, 3, &f, 0.0);
     for (k, value) in sigma.iter().enumerate() {
         let expected = if k % 4 == 0 { -law.pressure(0.95) } else { 0.0 };
         assert!((value - expected).abs() < 1e-8, "{sigma:?}");

@@ -39,10 +39,9 @@ impl<T: Real> WeaklyCompressibleFluid<T> {
         self.b * (compression + (j - T::ONE))
     }
 
-    /// τ = J (−p I + μ (∇v + ∇vᵀ)) (Pa).
+    /// τ = J (−p I + μ (∇v + ∇vᵀ)) (Pa) at the pressure p(J).
     #[inline(always)]
-    pub fn kirchhoff<const D: usize>(&self, j: T, grad_v: &Matrix<T, D>) -> Matrix<T, D> {
-        let pressure = self.pressure(j);
+    pub fn kirchhoff<const D: usize>(&self, j: T, pressure: T, grad_v: &Matrix<T, D>) -> Matrix<T, D> {
         let mut tau = *grad_v;
         for i in 0..D {
             for k in 0..D {
@@ -51,5 +50,18 @@ impl<T: Real> WeaklyCompressibleFluid<T> {
             tau[i][i] -= j * pressure;
         }
         tau
+    }
+
+    /// Stiffness ρ0 c² over that at rest, of the bulk (J² ψ'' / K = J^(1−γ)) and of a lone particle (Sun, Shinar & Schroeder 2020:
+    /// with λ_J = ψ'(J)/(J − 1), 2J³/(J + 1) λ_J/K for J ≥ 1 and (2 − J)² λ_J/K below), whichever is larger.
+    #[inline(always)]
+    pub fn stiffening(&self, j: T, pressure: T) -> T {
+        let modulus = self.b * self.gamma;
+        let strain = j - T::ONE;
+        // ψ' = −p; at rest the secant is the modulus.
+        let secant = if strain.abs() > T::from_f64(1e-3) { -pressure / (strain * modulus) } else { T::ONE };
+        let lone = if strain > T::ZERO { T::TWO * j * j * j / (j + T::ONE) } else { (T::TWO - j) * (T::TWO - j) };
+        let bulk = j * (pressure / self.b + T::ONE);
+        bulk.max(lone * secant)
     }
 }

@@ -86,7 +86,8 @@ fn names(field: Field) -> &'static [&'static str] {
 
 fn cauchy(problem: &Problem, particles: &Particles, p: usize) -> [f64; 9] {
     let body = &problem.bodies[particles.body[p] as usize];
-    material::cauchy(&problem.materials[body.material], &particles.f[p])
+    let material = &problem.materials[body.material];
+    material::cauchy(material, problem.dimension, &particles.f[p], particles.plastic[p])
 }
 
 fn pressure(s: &[f64; 9]) -> f64 {

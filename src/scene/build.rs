@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::sampling::Lattice;
 use super::schema::{self, Boundary, ContactKind, Material, Sampling, Scene, Transfer};
 use super::solid::{sdf, vector3};
+use crate::material::initial_plastic_state;
 use crate::sim::collider::{Collider, Motion, Sdf, rotate};
 use crate::sim::moments::moment_matrix;
 use crate::sim::particles::{IDENTITY, Particles};
@@ -156,6 +157,7 @@ fn add_body(problem: &mut Problem, scene: &Scene, body: &schema::Body, index: us
     let particles = &mut problem.particles;
     let start = particles.len();
     particles.f.resize(start + x.len(), deformation(body, material_law, d));
+    particles.plastic.resize(start + x.len(), initial_plastic_state(material_law));
     particles.body.resize(start + x.len(), index as u32);
     particles.x.extend(x);
     particles.v.extend(v);
@@ -165,16 +167,8 @@ fn add_body(problem: &mut Problem, scene: &Scene, body: &schema::Body, index: us
         material,
         particles: start..particles.len(),
         volume0,
-        mass: density(material_law) * volume0,
+        mass: material_law.density() * volume0,
     });
-}
-
-/// Density at rest (kg/m³).
-pub(super) fn density(material: &Material) -> f64 {
-    match material {
-        Material::FixedCorotated(elastic) | Material::NeoHookean(elastic) => elastic.density,
-        Material::WeaklyCompressibleFluid(fluid) => fluid.density,
-    }
 }
 
 fn mean(x: &[[f64; 3]]) -> [f64; 3] {

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::sim::problem::{Axis, Kernel, Material, Problem};
-use crate::sim::timestep::{initial_affine_rate_1_s, initial_speed_m_s, plan_frame};
+use crate::sim::timestep::{initial_extremes, plan_frame};
 
 /// Host memory a particle (bytes): its state in the problem, in the CPU engine while it is binned anew, and in a snapshot.
 pub(super) const HOST_BYTES_PER_PARTICLE: u64 = 1024;
@@ -51,7 +51,7 @@ pub struct Estimate {
 
 /// Costs a problem.
 pub fn estimate(problem: &Problem) -> Estimate {
-    let plan = plan_frame(problem, initial_speed_m_s(problem), initial_affine_rate_1_s(problem), problem.frame_s);
+    let plan = plan_frame(problem, &initial_extremes(problem), problem.frame_s);
     let particles = problem.particles.len() as u64;
     let blocks = active_blocks(problem);
     let steps = plan.steps.saturating_mul(u64::from(problem.frames));
@@ -84,8 +84,8 @@ fn device_memory_bytes(problem: &Problem, blocks: u64) -> Option<u64> {
         Kernel::Quadratic => 1,
         Kernel::Cubic | Kernel::Linear => return None,
     };
-    let fluid = |m: &Material| matches!(m, Material::WeaklyCompressibleFluid(_));
-    let channels = if problem.bodies.iter().all(|b| fluid(&problem.materials[b.material])) { 1 } else { 9 };
+    let channels = |m: &Material| (if m.is_fluid() { 1 } else { 9 }) + u64::from(m.has_plastic_state());
+    let channels = problem.bodies.iter().map(|b| channels(&problem.materials[b.material])).max().unwrap_or(1);
     let table: u64 = problem.cells.iter().map(|&n| n.div_ceil(4) as u64).product();
     let particle = DEVICE_BYTES_PER_PARTICLE + 4 * channels * DEFORMATION_COPIES;
     let nodes = blocks * BLOCK_CELLS * grids;

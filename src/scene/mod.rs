@@ -14,6 +14,7 @@ mod solid;
 mod structure;
 mod suggest;
 mod validate;
+mod validate_material;
 mod validate_shape;
 
 pub use fault::Fault;
@@ -22,7 +23,7 @@ pub use schema::Scene;
 use serde_json::Value;
 
 use crate::sim::problem::Problem;
-use crate::sim::timestep::{initial_affine_rate_1_s, initial_speed_m_s, plan_frame};
+use crate::sim::timestep::{initial_extremes, plan_frame};
 use fault::Faults;
 
 /// What a scene may ask for at most.
@@ -106,7 +107,7 @@ pub fn problem(scene: &Scene, limits: &Limits) -> Result<Problem, Vec<Fault>> {
             faults.add(&at, "no_particles", "no random point fell into the shape", "make the shape larger or lower dx");
         }
     }
-    let plan = plan_frame(&problem, initial_speed_m_s(&problem), initial_affine_rate_1_s(&problem), problem.frame_s);
+    let plan = plan_frame(&problem, &initial_extremes(&problem), problem.frame_s);
     let steps = plan.steps.saturating_mul(u64::from(problem.frames));
     if steps > limits.max_steps {
         let reason = format!("the run takes {steps} steps of {:.2e} s; the limit is {}", plan.dt_s, limits.max_steps);

@@ -3,6 +3,10 @@
 //! SI units, z up, unknown fields refused. Vectors have as many components as the scene has dimensions.
 //! These types say what a scene may *look* like; whether it makes sense is decided by `scene::validate`.
 
+mod material;
+
+pub use material::{DruckerPrager, Elastic, Elasticity, Fluid, Material, Nacc, Snow, VonMises};
+
 use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
@@ -98,47 +102,6 @@ pub enum ContactKind {
     Slip,
     /// Free to leave along the normal; Coulomb friction while pressed.
     Separate,
-}
-
-/// A constitutive model with its parameters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "model", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Material {
-    FixedCorotated(Elastic),
-    NeoHookean(Elastic),
-    WeaklyCompressibleFluid(Fluid),
-}
-
-/// Isotropic elasticity.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Elastic {
-    /// Mass density at rest (kg/m³).
-    pub density: f64,
-    /// Young's modulus (Pa).
-    pub youngs_modulus: f64,
-    /// Poisson's ratio, in (-1, 0.5).
-    pub poissons_ratio: f64,
-}
-
-/// p = (bulk_modulus / gamma) (J^-gamma - 1).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Fluid {
-    /// Mass density at rest (kg/m³).
-    pub density: f64,
-    /// Bulk modulus at rest (Pa).
-    pub bulk_modulus: f64,
-    /// Exponent of the equation of state; 7.15 by default.
-    #[serde(default = "default_gamma")]
-    pub gamma: f64,
-    /// Dynamic viscosity (Pa·s).
-    #[serde(default)]
-    pub viscosity: f64,
-}
-
-fn default_gamma() -> f64 {
-    7.15
 }
 
 /// A shape filled with particles of one material.

@@ -9,9 +9,10 @@ use super::estimate;
 use super::fault::{Faults, join};
 use super::poisson;
 use super::sampling::Lattice;
-use super::schema::{Body, Boundary, Collider, ContactKind, Domain, Material, Output, Sampling, Scene, Solver, Time};
+use super::schema::{Body, Boundary, Collider, ContactKind, Domain, Output, Sampling, Scene, Solver, Time};
 use super::solid::{sdf, vector3};
 use super::suggest::{closest, list, quote};
+use super::validate_material::check_material;
 use super::validate_shape::check_shape;
 
 /// Frames of one run at most.
@@ -43,7 +44,7 @@ pub fn check(scene: &Scene, limits: &Limits, faults: &mut Faults) {
     }
     check.domain(&scene.domain);
     for (name, material) in &scene.materials {
-        check.material(&join("/materials", name), material);
+        check_material(&mut check, &join("/materials", name), material);
     }
     check.bodies();
     check.colliders();
@@ -211,31 +212,6 @@ impl Check<'_> {
         if known && friction != 0.0 && kind != ContactKind::Separate {
             let reason = "only the contact `separate` has friction";
             self.faults.add(&at, "friction_unused", reason, "take the friction out, or write `separate`");
-        }
-    }
-
-    fn material(&mut self, at: &str, material: &Material) {
-        match material {
-            Material::FixedCorotated(elastic) | Material::NeoHookean(elastic) => {
-                self.positive(&join(at, "density"), elastic.density, "the density");
-                self.positive(&join(at, "youngs_modulus"), elastic.youngs_modulus, "Young's modulus");
-                let (at, nu) = (join(at, "poissons_ratio"), elastic.poissons_ratio);
-                if self.finite(&at, nu) && !(nu > -1.0 && nu < 0.5) {
-                    let reason = format!("Poisson's ratio is {nu}");
-                    let remedy = "write a number above -1 and below 0.5; 0.49 is nearly incompressible";
-                    self.faults.add(&at, "out_of_range", reason, remedy);
-                }
-            }
-            Material::WeaklyCompressibleFluid(fluid) => {
-                self.positive(&join(at, "density"), fluid.density, "the density");
-                self.positive(&join(at, "bulk_modulus"), fluid.bulk_modulus, "the bulk modulus");
-                self.not_negative(&join(at, "viscosity"), fluid.viscosity, "the viscosity");
-                let at = join(at, "gamma");
-                if self.finite(&at, fluid.gamma) && fluid.gamma <= 1.0 {
-                    let reason = format!("the exponent is {}", fluid.gamma);
-                    self.faults.add(&at, "out_of_range", reason, "write a number above 1; 7.15 is water's");
-                }
-            }
         }
     }
 

@@ -185,7 +185,13 @@ impl Tally {
             m * (spin[2] + b[3] - b[1]),
             0.5 * m * speed2,
             0.5 * m * (0..9).map(|k| b[k] * c[k]).sum::<f64>(),
-            body.volume0 * material::energy_density(&problem.materials[body.material], f),
+            body.volume0
+                * material::energy_density(
+                    &problem.materials[body.material],
+                    problem.dimension,
+                    f,
+                    particles.plastic[p],
+                ),
             -m * dot(problem.gravity, x),
         ];
         self.sums.iter_mut().zip(terms).for_each(|(sum, term)| sum.add(term));
@@ -265,6 +271,7 @@ mod tests {
             particles.v.push([0.0; 3]);
             particles.b.push([0.0; 9]);
             particles.f.push(IDENTITY);
+            particles.plastic.push(0.0);
             particles.body.push(0);
         }
         let elastic = Elastic { density: 2.0, youngs_modulus: 100.0, poissons_ratio: 0.25 };

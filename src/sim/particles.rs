@@ -14,6 +14,8 @@ pub struct Particles {
     pub b: Vec<[f64; 9]>,
     /// Deformation gradient F; a fluid's is J^(1/d) I, because its law knows only J.
     pub f: Vec<[f64; 9]>,
+    /// Plastic state: the one scalar that some laws have beside F (see their files in [`crate::material`]); 0 for the others.
+    pub plastic: Vec<f64>,
     /// Index into [`crate::sim::problem::Problem::bodies`].
     pub body: Vec<u32>,
 }

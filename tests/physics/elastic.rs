@@ -25,7 +25,8 @@ fn energy(problem: &Problem, p: &Particles) -> f64 {
         let b = from_row_major(&p.b[i]);
         let inverse = cofactor(&moment).map(|row| row.map(|c| c / det(&moment)));
         let affine = double_dot(&mul(&b, &inverse), &b);
-        let strain = body.volume0 * energy_density(&problem.materials[body.material], &p.f[i]);
+        let strain =
+            body.volume0 * energy_density(&problem.materials[body.material], problem.dimension, &p.f[i], p.plastic[i]);
         0.5 * body.mass * (p.v[i].iter().map(|v| v * v).sum::<f64>() + affine) + strain
     };
     (0..p.len()).map(of_particle).sum()
@@ -126,7 +127,7 @@ fn steps_shorten_when_a_body_outruns_the_plan() {
     }
     (problem.particles.v, problem.particles.b) =
         (vec![[0.0; 3]; problem.particles.len()], vec![[0.0; 9]; problem.particles.len()]);
-    let planned = gridfall::sim::timestep::plan_frame(&problem, 0.0, 0.0, problem.frame_s);
+    let planned = gridfall::sim::timestep::plan_frame(&problem, &Default::default(), problem.frame_s);
     let mut engine = CpuEngine::new(&problem).unwrap();
     let stats = engine.advance_frame(problem.frame_s, &NoControl).unwrap();
     println!("planned {planned:?}, took {stats:?}");

@@ -29,10 +29,7 @@ pub fn fluid(bulk_modulus: f64, viscosity: f64) -> Material {
 }
 
 fn density(material: &Material) -> f64 {
-    match material {
-        Material::FixedCorotated(e) | Material::NeoHookean(e) => e.density,
-        Material::WeaklyCompressibleFluid(f) => f.density,
-    }
+    material.density()
 }
 
 /// No bodies yet; f64, compact, MLS, no gravity, all walls separating.
@@ -96,6 +93,7 @@ pub fn fill(
                 let pic = problem.transfer == Transfer::Pic;
                 p.b.push(if pic { [0.0; 9] } else { std::array::from_fn(|n| b[n / 3][n % 3]) });
                 p.f.push(IDENTITY);
+                p.plastic.push(0.0);
                 p.body.push(problem.bodies.len() as u32);
             }
         }

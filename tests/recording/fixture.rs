@@ -128,6 +128,7 @@ pub fn problem(spacing: f64) -> Problem {
             particles.v.push([0.1 * x[2], 0.0, 0.3 * index as f64 * x[0]]);
             particles.b.push([0.0; 9]);
             particles.f.push(IDENTITY);
+            particles.plastic.push(0.0);
             particles.body.push(index as u32);
         }
         let volume0 = spacing.powi(3);

@@ -13,12 +13,14 @@ fn block_corner(block: u32) -> vec3<f32> {
     return vec3<f32>(4 * block_coordinates(block) - params.pad);
 }
 
-fn advance(corner: vec3<f32>, y: vec3<f32>, g: Gathered, state: Deformation, model: u32, id: u32) -> Advanced {
+fn advance(corner: vec3<f32>, y: vec3<f32>, g: Gathered, state: Deformation, material: Material, id: u32,
+    principal: ptr<function, Principal>) -> Advanced {
     var out: Advanced;
     let move_cells = g.v * (params.dt / params.dx);
     let farthest = max(max(abs(move_cells.x), abs(move_cells.y)), abs(move_cells.z));
-    out.state = deform(state, model, g.gradient * (params.dt / params.dx));
-    let size = select(norm2(out.state.F), abs(out.state.J), model == FLUID);
+    let growth = g.gradient * (params.dt / params.dx);
+    out.state = deform(state, material, growth, principal);
+    let size = select(norm2(out.state.F), abs(out.state.J), material.model == FLUID);
     // Written so that NaN fails the test: on Vulkan x != x is not reliable.
     if (!(farthest + size < 1e30)) {
         fail(ERROR_NAN, id);
@@ -29,7 +31,8 @@ fn advance(corner: vec3<f32>, y: vec3<f32>, g: Gathered, state: Deformation, mod
         return out;
     }
     atomicMax(&status.max_shift, bitcast<u32>(farthest));
-    if (farthest > params.soft_shift) {
+    let entries = max(abs(growth[0]), max(abs(growth[1]), abs(growth[2])));
+    if (farthest > params.soft_shift || max(entries.x, max(entries.y, entries.z)) > params.soft_growth) {
         atomicOr(&status.halt, HALT_REPLAN);
     }
     out.y = y + move_cells;

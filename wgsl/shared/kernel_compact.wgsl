@@ -68,6 +68,17 @@ fn times_inverse_moment(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
     return mat3x3<f32>(a[0] / p.x - aq * q.x, a[1] / p.y - aq * q.y, a[2] / p.z - aq * q.z);
 }
 
+/// A D / dx².
+fn times_moment(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
+    let f = y - floor(y);
+    let profile = profile(f);
+    let p = 0.5 * (profile.g_plus * (1.0 - profile.g_plus) + profile.g_minus * (1.0 - profile.g_minus));
+    let sine = min(f, 1.0 - f) - profile.g_plus;
+    let s = select(-sine, sine, profile.high);
+    let along = a * s;
+    return mat3x3<f32>(a[0] * p.x + along * s.x, a[1] * p.y + along * s.y, a[2] * p.z + along * s.z);
+}
+
 fn node_offset(grid: u32) -> f32 {
     return select(0.25, -0.25, grid == 1u);
 }

@@ -29,6 +29,11 @@ fn times_inverse_moment(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
     return a * 4.0;
 }
 
+/// A D / dx².
+fn times_moment(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
+    return a * 0.25;
+}
+
 fn node_offset(grid: u32) -> f32 {
     return 0.0;
 }

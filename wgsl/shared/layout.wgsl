@@ -21,6 +21,10 @@ struct Params {
     momentum_scale: f32,     // fixed-point units per kg m/s
     soft_shift: f32,         // displacement a step, in cells, above which the host plans smaller steps
     first_step: u32,         // step that `poses` begins with
+    soft_demand: f32,        // demand of a material (1/s²) above which the host plans smaller steps
+    soft_growth: f32,        // entry of dt ∇v above which it does
+    spare0: u32,
+    spare1: u32,
     walls: array<vec4<f32>, 6>, // x-, x+, y-, y+, z-, z+: contact kind, friction, unused, unused
 }
 
@@ -36,15 +40,17 @@ struct Status {
     cursor: atomic<u32>,     // particles handed out to bins
     stale: u32,              // blocks of the previous use of the `_out` side
     needed: u32,             // most blocks that an activation asked for
+    max_demand: atomic<u32>, // largest demand of a material at the last g2p (1/s²), f32 bits
+    isolated: atomic<u32>,   // particles reset at the last g2p
     finished: u32,           // 1 once the frame's last step has run
     groups: array<u32, 8>,   // workgroups wanted by each indirect dispatch
 }
 
-struct Body { mass: f32, volume: f32, material: u32, unused: u32 }
+struct Body { mass: f32, volume: f32, material: u32, demand: f32 } // demand of the material at rest (1/s²)
 
-// model: 0 fixed corotated (a = mu, b = lambda), 1 neo-Hookean (a = mu, b = lambda),
-// 2 weakly compressible fluid (a = K/gamma, b = gamma, c = viscosity)
-struct Material { model: u32, a: f32, b: f32, c: f32 }
+// A fluid: a = K/γ, b = γ, c = viscosity. All others: a = μ, b = λ, and
+// von Mises: c = √(2/3) σ_Y; Drucker–Prager: c = α; NACC: c = M, d = β, e = ξ; snow: c = 1 - θc, d = 1 + θs, e = ξ.
+struct Material { model: u32, a: f32, b: f32, c: f32, d: f32, e: f32, spare0: u32, spare1: u32 }
 
 // One instruction of a signed distance program (src/sim/collider/): rotation rows and translation fold the frame.
 struct SdfOp { r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32>, size: vec3<f32>, code: u32 }
@@ -89,6 +95,8 @@ struct Work { block: u32, start: u32, count: u32, unused: u32 }
 override WORKGROUP: u32 = 64u;
 /// MLS-MPM (forces and velocity gradient through D⁻¹) instead of APIC (through kernel gradients).
 override MLS: bool = true;
+/// Whether any law of the scene works in principal space; the code of those laws is left out of pipelines that do not need it.
+override PRINCIPAL: bool = true;
 
 const HALT_BLOCKS = 1u;   // more blocks wanted than there are slots; the step was not begun
 const HALT_REPLAN = 2u;   // a particle moved further than planned; the step is complete

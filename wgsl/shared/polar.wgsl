@@ -9,11 +9,22 @@ fn norm2(m: mat3x3<f32>) -> f32 {
     return dot(m[0], m[0]) + dot(m[1], m[1]) + dot(m[2], m[2]);
 }
 
+fn max_entry(v: vec3<f32>) -> f32 {
+    let a = abs(v);
+    return max(a.x, max(a.y, a.z));
+}
+
 struct Svd { u: mat3x3<f32>, sigma: vec3<f32>, v: mat3x3<f32> }
 
 /// F = U Σ Vᵀ, det U = det V = 1, |σ| falling, the sign of det F on the last.
 fn svd3(f: mat3x3<f32>) -> Svd {
-    var b = f;
+    // Squares of the entries must neither vanish nor overflow.
+    let largest = max(max_entry(f[0]), max(max_entry(f[1]), max_entry(f[2])));
+    if (!(largest > 0.0 && largest < 1e38)) {
+        let identity = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
+        return Svd(identity, vec3<f32>(largest), identity);
+    }
+    var b = f * (1.0 / largest);
     var v = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
     for (var sweep = 0u; sweep < 6u; sweep++) {
         for (var k = 0u; k < 3u; k++) {
@@ -63,7 +74,7 @@ fn svd3(f: mat3x3<f32>) -> Svd {
     let free = normalize(axis - out.u[0] * dot(out.u[0], axis));
     out.u[1] = select(free, r1 / s1, s1 > 1e-12 * s0 && s1 > 1e-30);
     out.u[2] = cross(out.u[0], out.u[1]);
-    out.sigma = vec3<f32>(s0, dot(out.u[1], b[1]), dot(out.u[2], b[2]));
+    out.sigma = largest * vec3<f32>(s0, dot(out.u[1], b[1]), dot(out.u[2], b[2]));
     return out;
 }
 

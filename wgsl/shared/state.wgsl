@@ -1,26 +1,122 @@
-// A particle's deformation state: F (9 channels), or J (1 channel, and channel 0 of a fluid among solids).
+// A particle's deformation state, its return map and its stress. Adding a law: its file in materials/, a constant here and a case in
+// `flow`, `principal_kirchhoff` and `principal_stiffness`. Twin: src/material/mod.rs.
 
-struct Deformation { F: mat3x3<f32>, J: f32 }
+/// F, or J alone (a fluid); q: plastic state of the laws that have one.
+struct Deformation { F: mat3x3<f32>, J: f32, q: f32 }
 
+const FIXED_COROTATED = 0u;
+const NEO_HOOKEAN = 1u;
 const FLUID = 2u;
+// From here on laws in principal space: F = U Σ Vᵀ.
+const STVK_HENCKY = 3u;
+const VON_MISES_HENCKY = 4u;
+const VON_MISES_FIXED_COROTATED = 5u;
+// From here on with a plastic state.
+const DRUCKER_PRAGER = 6u;
+const NACC = 7u;
+const SNOW = 8u;
 
-/// Advances F ← (I + dt ∇v) F or J ← (1 + dt tr ∇v) J; `growth` = dt ∇v.
-fn deform(state: Deformation, model: u32, growth: mat3x3<f32>) -> Deformation {
+const MIN_STRETCH = 1e-4;
+const MAX_STRETCH = 1e4;
+
+fn is_principal(model: u32) -> bool {
+    return PRINCIPAL && model >= STVK_HENCKY;
+}
+
+fn has_plastic_state(model: u32) -> bool {
+    return PRINCIPAL && model >= DRUCKER_PRAGER;
+}
+
+/// Singular values and plastic state in a return map.
+struct Projected { sigma: vec3<f32>, q: f32, moved: bool }
+
+/// What stress in principal space needs of F: filled by `deform` or `decompose` for laws in principal space.
+struct Principal { u: mat3x3<f32>, sigma: vec3<f32> }
+
+struct Stress { tau: mat3x3<f32>, stiffening: f32 } // stiffening: ρ0 c² over that at rest
+
+fn diagonal_times(u: mat3x3<f32>, d: vec3<f32>, v: mat3x3<f32>) -> mat3x3<f32> {
+    return mat3x3<f32>(u[0] * d.x, u[1] * d.y, u[2] * d.z) * transpose(v);
+}
+
+fn flow(trial: Projected, m: Material) -> Projected {
+    switch (m.model) {
+        case VON_MISES_HENCKY, VON_MISES_FIXED_COROTATED: { return von_mises_return(trial, m); }
+        case DRUCKER_PRAGER: { return drucker_prager_return(trial, m); }
+        case NACC: { return nacc_return(trial, m); }
+        case SNOW: { return snow_return(trial, m); }
+        default: { return trial; }
+    }
+}
+
+/// Advances F ← (I + dt ∇v) F or J ← (1 + dt tr ∇v) J, `growth` = dt ∇v, and back to the yield surface.
+fn deform(state: Deformation, m: Material, growth: mat3x3<f32>, principal: ptr<function, Principal>) -> Deformation {
     var next = state;
-    if (model == FLUID) {
+    if (m.model == FLUID) {
         next.J = state.J + state.J * (growth[0].x + growth[1].y + growth[2].z);
-    } else {
-        next.F = state.F + growth * state.F;
+        return next;
+    }
+    next.F = state.F + growth * state.F;
+    if (is_principal(m.model)) {
+        let s = svd3(next.F);
+        let trial = clamp(s.sigma, vec3<f32>(MIN_STRETCH), vec3<f32>(MAX_STRETCH));
+        let projected = flow(Projected(trial, state.q, any(trial != s.sigma) && m.model != STVK_HENCKY), m);
+        if (projected.moved) {
+            next.F = diagonal_times(s.u, projected.sigma, s.v);
+            next.q = projected.q;
+        }
+        *principal = Principal(s.u, projected.sigma);
     }
     return next;
 }
 
-fn kirchhoff(state: Deformation, m: Material, grad_v: mat3x3<f32>) -> mat3x3<f32> {
+fn decompose(state: Deformation, model: u32) -> Principal {
+    var principal: Principal;
+    if (is_principal(model)) {
+        let s = svd3(state.F);
+        principal = Principal(s.u, clamp(s.sigma, vec3<f32>(MIN_STRETCH), vec3<f32>(MAX_STRETCH)));
+    }
+    return principal;
+}
+
+fn principal_kirchhoff(sigma: vec3<f32>, q: f32, m: Material) -> vec3<f32> {
+    switch (m.model) {
+        case VON_MISES_FIXED_COROTATED: { return fixed_corotated_principal(sigma, m.a, m.b); }
+        case NACC: { return nacc_kirchhoff(sigma, m); }
+        case SNOW: { return snow_hardening(m, q) * fixed_corotated_principal(sigma, m.a, m.b); }
+        default: { return hencky_kirchhoff(sigma, m.a, m.b); }
+    }
+}
+
+fn principal_stiffness(sigma: vec3<f32>, q: f32, m: Material) -> f32 {
+    switch (m.model) {
+        case VON_MISES_FIXED_COROTATED: { return fixed_corotated_principal_stiffness(sigma, m.a, m.b); }
+        case NACC: { return nacc_stiffness(sigma, m); }
+        case SNOW: { return snow_hardening(m, q) * fixed_corotated_principal_stiffness(sigma, m.a, m.b); }
+        default: { return hencky_stiffness(sigma, m.a, m.b); }
+    }
+}
+
+fn kirchhoff(state: Deformation, principal: Principal, m: Material, grad_v: mat3x3<f32>) -> Stress {
     if (m.model == FLUID) {
-        return weakly_compressible_fluid_kirchhoff(state.J, m.a, m.b, m.c, grad_v);
+        let pressure = weakly_compressible_fluid_pressure(state.J, m.a, m.b);
+        return Stress(weakly_compressible_fluid_kirchhoff(state.J, pressure, m.c, grad_v),
+            weakly_compressible_fluid_stiffening(state.J, pressure, m.a, m.b));
     }
-    if (m.model == 1u) {
-        return neo_hookean_kirchhoff(state.F, m.a, m.b);
+    let at_rest = m.b + 2.0 * m.a;
+    if (is_principal(m.model)) {
+        let tau = principal_kirchhoff(principal.sigma, state.q, m);
+        return Stress(diagonal_times(principal.u, tau, principal.u), principal_stiffness(principal.sigma, state.q, m) / at_rest);
     }
-    return fixed_corotated_kirchhoff(state.F, m.a, m.b);
+    if (m.model == NEO_HOOKEAN) {
+        return Stress(neo_hookean_kirchhoff(state.F, m.a, m.b), neo_hookean_stiffness(state.F, m.a, m.b) / at_rest);
+    }
+    return Stress(fixed_corotated_kirchhoff(state.F, m.a, m.b), fixed_corotated_stiffness(state.F, m.a, m.b) / at_rest);
+}
+
+/// Bound on the largest σ² from above (Wolkowicz & Styan 1980). Twin: src/material/stretch.rs.
+fn largest_stretch_squared(F: mat3x3<f32>) -> f32 {
+    let mean = norm2(F) / 3.0;
+    let deviator = F * transpose(F) - mat3x3<f32>(mean, 0.0, 0.0, 0.0, mean, 0.0, 0.0, 0.0, mean);
+    return mean + sqrt((2.0 / 3.0) * norm2(deviator));
 }

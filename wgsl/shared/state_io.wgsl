@@ -1,15 +1,18 @@
-// Where a particle's deformation state lies: channel-major arrays, J in channel 0 of a fluid.
+// Where a particle's deformation state lies: channel-major arrays, F by columns and then the plastic state; J in channel 0 of a fluid.
 
 fn load_deformation(at: u32, model: u32) -> Deformation {
     var s: Deformation;
     if (model == FLUID) {
         s.J = deformation_in[at];
-    } else {
-        for (var c = 0u; c < 3u; c++) {
-            for (var r = 0u; r < 3u; r++) {
-                s.F[c][r] = deformation_in[(3u * c + r) * params.particles + at];
-            }
+        return s;
+    }
+    for (var c = 0u; c < 3u; c++) {
+        for (var r = 0u; r < 3u; r++) {
+            s.F[c][r] = deformation_in[(3u * c + r) * params.particles + at];
         }
+    }
+    if (has_plastic_state(model)) {
+        s.q = deformation_in[9u * params.particles + at];
     }
     return s;
 }
@@ -18,12 +21,15 @@ fn load_frame_deformation(id: u32, model: u32) -> Deformation {
     var s: Deformation;
     if (model == FLUID) {
         s.J = frame_deformation[id];
-    } else {
-        for (var c = 0u; c < 3u; c++) {
-            for (var r = 0u; r < 3u; r++) {
-                s.F[c][r] = frame_deformation[(3u * c + r) * params.particles + id];
-            }
+        return s;
+    }
+    for (var c = 0u; c < 3u; c++) {
+        for (var r = 0u; r < 3u; r++) {
+            s.F[c][r] = frame_deformation[(3u * c + r) * params.particles + id];
         }
+    }
+    if (has_plastic_state(model)) {
+        s.q = frame_deformation[9u * params.particles + id];
     }
     return s;
 }
@@ -31,23 +37,29 @@ fn load_frame_deformation(id: u32, model: u32) -> Deformation {
 fn store_deformation(at: u32, model: u32, s: Deformation) {
     if (model == FLUID) {
         deformation_out[at] = s.J;
-    } else {
-        for (var c = 0u; c < 3u; c++) {
-            for (var r = 0u; r < 3u; r++) {
-                deformation_out[(3u * c + r) * params.particles + at] = s.F[c][r];
-            }
+        return;
+    }
+    for (var c = 0u; c < 3u; c++) {
+        for (var r = 0u; r < 3u; r++) {
+            deformation_out[(3u * c + r) * params.particles + at] = s.F[c][r];
         }
+    }
+    if (has_plastic_state(model)) {
+        deformation_out[9u * params.particles + at] = s.q;
     }
 }
 
 fn store_frame_deformation(id: u32, model: u32, s: Deformation) {
     if (model == FLUID) {
         frame_deformation[id] = s.J;
-    } else {
-        for (var c = 0u; c < 3u; c++) {
-            for (var r = 0u; r < 3u; r++) {
-                frame_deformation[(3u * c + r) * params.particles + id] = s.F[c][r];
-            }
+        return;
+    }
+    for (var c = 0u; c < 3u; c++) {
+        for (var r = 0u; r < 3u; r++) {
+            frame_deformation[(3u * c + r) * params.particles + id] = s.F[c][r];
         }
+    }
+    if (has_plastic_state(model)) {
+        frame_deformation[9u * params.particles + id] = s.q;
     }
 }

@@ -72,6 +72,17 @@ fn node_velocity(grid: u32, n: vec3<i32>) -> vec3<f32> {
     return vec3<f32>(velocity_tile[at], velocity_tile[at + READ_NODES * GRIDS], velocity_tile[at + 2u * READ_NODES * GRIDS]);
 }
 
+/// Mass of a node of the read tile (kg), from the grid.
+fn node_mass(grid: u32, n: vec3<i32>) -> f32 {
+    let high = vec3<u32>(n) >> vec3<u32>(2u);
+    let low = vec3<u32>(n) & vec3<u32>(3u);
+    let slot = slots_in[high.x + 2u * high.y + 4u * high.z];
+    if (slot == 0u) {
+        return 0.0;
+    }
+    return f32(grid_in[((slot - 1u) * GRIDS + grid) * 256u + low.x + 4u * low.y + 16u * low.z]) / params.mass_scale;
+}
+
 /// Adds to a node's sums and carries the rounding error over to the particle's next node, so that a particle's total is exact
 /// to half a unit. The carry starts at random (`dither`): with plain rounding, a lattice of particles that all round alike would
 /// drift by a share of a unit in every step.

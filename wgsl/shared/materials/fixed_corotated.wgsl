@@ -7,3 +7,8 @@ fn fixed_corotated_kirchhoff(F: mat3x3<f32>, mu: f32, lambda: f32) -> mat3x3<f32
     let tau = (2.0 * mu) * ((F - R) * transpose(F));
     return tau + mat3x3<f32>(p, 0.0, 0.0, 0.0, p, 0.0, 0.0, 0.0, p);
 }
+
+fn fixed_corotated_stiffness(F: mat3x3<f32>, mu: f32, lambda: f32) -> f32 {
+    let J = determinant(F);
+    return 2.0 * mu * largest_stretch_squared(F) + lambda * J * J;
+}

@@ -4,3 +4,7 @@ fn neo_hookean_kirchhoff(F: mat3x3<f32>, mu: f32, lambda: f32) -> mat3x3<f32> {
     let p = lambda * log(determinant(F)) - mu;
     return mu * (F * transpose(F)) + mat3x3<f32>(p, 0.0, 0.0, 0.0, p, 0.0, 0.0, 0.0, p);
 }
+
+fn neo_hookean_stiffness(F: mat3x3<f32>, mu: f32, lambda: f32) -> f32 {
+    return mu * (largest_stretch_squared(F) + 1.0) + lambda * (1.0 - log(determinant(F)));
+}

@@ -1,0 +1,83 @@
+// Non-associative Cam Clay (Wolper 2019). Twin: src/material/nacc.rs. a = μ, b = λ, c = M, d = β, e = ξ; q: α. Pressures in units of κ.
+
+const NACC_RESIDUAL = 1e-5;
+const NACC_MAX_HARDENING = 4.0;
+
+fn ln_near_one(s: f32) -> f32 {
+    return ln_stretch(vec3<f32>(s)).x;
+}
+
+fn nacc_kappa(m: Material) -> f32 {
+    return m.b + m.a * (2.0 / 3.0);
+}
+
+/// J^(-2/3) b_i.
+fn nacc_isochoric(sigma: vec3<f32>, J: f32) -> vec3<f32> {
+    return exp((-2.0 / 3.0) * ln_near_one(J)) * sigma * sigma;
+}
+
+fn nacc_kirchhoff(sigma: vec3<f32>, m: Material) -> vec3<f32> {
+    let J = sigma.x * sigma.y * sigma.z;
+    let b = nacc_isochoric(sigma, J);
+    // (J - 1)(J + 1) keeps the digits that J² - 1 loses near rest.
+    return m.a * (b - sum3(b) / 3.0) + vec3<f32>(0.5 * nacc_kappa(m) * (J - 1.0) * (J + 1.0));
+}
+
+fn nacc_stiffness(sigma: vec3<f32>, m: Material) -> f32 {
+    let J = sigma.x * sigma.y * sigma.z;
+    let b = nacc_isochoric(sigma, J);
+    let along = m.a * 0.5 * ((2.0 - 8.0 / 3.0) * b + vec3<f32>((4.0 / 9.0 + 2.0 / 3.0) * sum3(b)))
+        + vec3<f32>(0.5 * nacc_kappa(m) * (J * J + 1.0));
+    let worst = max(along, m.a * b);
+    return max(worst.x, max(worst.y, worst.z));
+}
+
+fn nacc_to_tip(trial: Projected, J: f32, p: f32) -> Projected {
+    let J_tip = sqrt(max(1.0 - 2.0 * p, 0.0));
+    var out = trial;
+    out.sigma = vec3<f32>(exp(ln_near_one(J_tip) / 3.0));
+    out.q = trial.q + ln_near_one(J / J_tip);
+    out.moved = true;
+    return out;
+}
+
+fn nacc_return(trial: Projected, m: Material) -> Projected {
+    let J = trial.sigma.x * trial.sigma.y * trial.sigma.z;
+    let b = nacc_isochoric(trial.sigma, J);
+    let tr3 = sum3(b) / 3.0;
+    var deviator = b - tr3;
+    let p = -0.5 * (J - 1.0) * (J + 1.0);
+    let q = 1.2247449 * m.a / nacc_kappa(m) * length(deviator);
+    let e = exp(min(m.e * max(-trial.q, 0.0), NACC_MAX_HARDENING));
+    let p0 = NACC_RESIDUAL + 0.5 * (e - 1.0 / e);
+    if (p > p0) {
+        return nacc_to_tip(trial, J, p0);
+    }
+    if (p < -m.d * p0) {
+        return nacc_to_tip(trial, J, -m.d * p0);
+    }
+    let height = -m.c * m.c * (p + m.d * p0) * (p - p0);
+    let square = (1.0 + 2.0 * m.d) * q * q;
+    if (square <= height) {
+        return trial;
+    }
+    deviator *= sqrt(max(height, 0.0) / (1.0 + 2.0 * m.d)) / q;
+    // Π (d_i + t) = 1 at equal volume, Newton from above.
+    var t = tr3;
+    for (var i = 0u; i < 8u; i++) {
+        let x = deviator + t;
+        t -= (x.x * x.y * x.z - 1.0) / (x.y * x.z + x.x * x.z + x.x * x.y);
+    }
+    // Hardening as if towards the ellipse's centre.
+    let centre = 0.5 * (1.0 - m.d) * p0;
+    let half_axis = 0.5 * (1.0 + m.d) * p0;
+    let m2 = m.c * m.c;
+    let reach = sqrt(m2 * half_axis * half_axis / max(m2 * (p - centre) * (p - centre) + square, 1e-30));
+    let p_surface = centre + (p - centre) * min(reach, 1.0);
+    let J_surface = sqrt(max(1.0 - 2.0 * p_surface, 1e-30));
+    var out = trial;
+    out.sigma = exp(ln_near_one(J) / 3.0) * sqrt(max(deviator + t, vec3<f32>(1e-30)));
+    out.q = trial.q + ln_near_one(J / J_surface);
+    out.moved = true;
+    return out;
+}

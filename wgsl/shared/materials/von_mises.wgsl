@@ -1,0 +1,29 @@
+// Von Mises, ‖dev τ‖ ≤ √(2/3) σ_Y. Twin: src/material/von_mises.rs. Hencky: the deviator of ε shrinks at equal volume.
+// Fixed corotated: 2 μ (σ - 1) σ takes the place of 2 μ ε, and is solved for its larger root.
+
+fn von_mises_return(trial: Projected, m: Material) -> Projected {
+    var out = trial;
+    let hencky = m.model == VON_MISES_HENCKY;
+    let shear = 2.0 * m.a * select((trial.sigma - 1.0) * trial.sigma, ln_stretch(trial.sigma), hencky);
+    let mean = sum3(shear) / 3.0;
+    let deviator = shear - mean;
+    let size = length(deviator);
+    if (size > m.c) {
+        let kept = vec3<f32>(mean) + (m.c / size) * deviator;
+        let root = 0.5 * (1.0 + sqrt(max(1.0 + 2.0 * kept / m.a, vec3<f32>(0.0))));
+        out.sigma = select(root, exp(kept / (2.0 * m.a)), hencky);
+        out.moved = true;
+    }
+    return out;
+}
+
+fn fixed_corotated_principal(sigma: vec3<f32>, mu: f32, lambda: f32) -> vec3<f32> {
+    let J = sigma.x * sigma.y * sigma.z;
+    return 2.0 * mu * (sigma - 1.0) * sigma + vec3<f32>(lambda * (J - 1.0) * J);
+}
+
+fn fixed_corotated_principal_stiffness(sigma: vec3<f32>, mu: f32, lambda: f32) -> f32 {
+    let J = sigma.x * sigma.y * sigma.z;
+    let most = max(sigma.x, max(sigma.y, sigma.z));
+    return 2.0 * mu * most * most + lambda * J * J;
+}
