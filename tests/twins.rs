@@ -16,8 +16,25 @@ use rand_chacha::ChaCha8Rng;
 
 const DT_S: f64 = 4e-4;
 
-/// All materials, wall kinds and contacts; a turned, moving, composite collider; a periodic axis.
-fn scene(kernel: &str, transfer: &str) -> Problem {
+/// Three materials at a time.
+const ELASTIC: [&str; 3] = [
+    r#"{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 }"#,
+    r#"{ "model": "neo-hookean", "density": 1500, "youngs_modulus": 2e4, "poissons_ratio": 0.4 }"#,
+    r#"{ "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1e4, "viscosity": 2 }"#,
+];
+const SOILS: [&str; 3] = [
+    r#"{ "model": "drucker-prager", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3, "friction_angle_degrees": 30 }"#,
+    r#"{ "model": "nacc", "density": 1500, "youngs_modulus": 2e4, "poissons_ratio": 0.3, "M": 2.36, "beta": 0.5, "xi": 3, "alpha0": -0.01 }"#,
+    r#"{ "model": "snow", "density": 400, "youngs_modulus": 1e4, "poissons_ratio": 0.2 }"#,
+];
+const METALS: [&str; 3] = [
+    r#"{ "model": "von-mises", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3, "yield_stress": 500 }"#,
+    r#"{ "model": "von-mises", "density": 1500, "youngs_modulus": 2e4, "poissons_ratio": 0.4, "yield_stress": 800, "elasticity": "fixed-corotated" }"#,
+    r#"{ "model": "stvk-hencky", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 }"#,
+];
+
+/// All wall kinds and contacts; a turned, moving, composite collider; a periodic axis.
+fn scene(kernel: &str, transfer: &str, [jelly, gum, water]: [&str; 3]) -> Problem {
     common::problem(&format!(
         r#"{{ "gridfall": 1, "name": "twins",
         "domain": {{ "min": [-0.3, 0.1, 0.2], "max": [0.7, 1.1, 1.2], "dx": 0.0625,
@@ -25,9 +42,7 @@ fn scene(kernel: &str, transfer: &str) -> Problem {
                                     "z-": {{"contact":"separate","friction":0.4}}, "z+": {{"contact":"sticky"}} }} }},
         "gravity": [0.5, -1, -9.81],
         "materials": {{
-            "jelly": {{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 }},
-            "gum": {{ "model": "neo-hookean", "density": 1500, "youngs_modulus": 2e4, "poissons_ratio": 0.4 }},
-            "water": {{ "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1e4, "viscosity": 2 }} }},
+            "jelly": {jelly}, "gum": {gum}, "water": {water} }},
         "bodies": [
             {{ "name": "a", "material": "jelly", "sampling": "jittered", "shape": {{ "box": {{ "min": [-0.3, 0.1, 0.2], "max": [0.1, 0.6, 0.6] }} }} }},
             {{ "name": "b", "material": "gum", "sampling": "jittered", "shape": {{ "sphere": {{ "center": [0.4, 0.8, 0.9], "radius": 0.25 }} }} }},
@@ -44,9 +59,9 @@ fn scene(kernel: &str, transfer: &str) -> Problem {
     ))
 }
 
-fn random_scene(kernel: &str, transfer: &str, seed: u64) -> Problem {
+fn random_scene(kernel: &str, transfer: &str, materials: [&str; 3], seed: u64) -> Problem {
     println!("{kernel} {transfer} seed {seed}");
-    let mut problem = scene(kernel, transfer);
+    let mut problem = scene(kernel, transfer, materials);
     common::randomise(&mut problem, &mut ChaCha8Rng::seed_from_u64(seed));
     problem
 }
@@ -92,7 +107,7 @@ fn compare(gpu: &[GridNode], cpu: &Nodes, problem: &Problem, velocities: bool) -
     (mass, value)
 }
 
-/// Largest differences of x (dx), v (m/s), B (dx m/s) and F.
+/// Largest differences of x (dx), v (m/s), B (dx m/s) and F or the plastic state.
 fn compare_particles(a: &Particles, b: &Particles, dx: f64) -> [f64; 4] {
     let mut d = [0.0f64; 4];
     for id in 0..a.len() {
@@ -104,6 +119,7 @@ fn compare_particles(a: &Particles, b: &Particles, dx: f64) -> [f64; 4] {
             d[2] = d[2].max((a.b[id][k] - b.b[id][k]).abs() / dx);
             d[3] = d[3].max((a.f[id][k] - b.f[id][k]).abs());
         }
+        d[3] = d[3].max((a.plastic[id] - b.plastic[id]).abs());
     }
     d
 }
@@ -126,6 +142,9 @@ fn step(gpu_problem: &Problem, cpu_problem: &Problem) -> [f64; 8] {
 
 /// What f32 states and fixed-point sums with a quantum of 1.5e-8 full nodes can differ by in a step, with the speeds above.
 const TOLERANCE: [f64; 8] = [1e-6, 1e-5, 1e-6, 1e-5, 1e-6, 1e-5, 1e-5, 1e-5];
+/// Beside a tip of NACC's surface the deviator goes with the root of the distance to the tip: among a few thousand states some amplify a
+/// rounding of J tenfold and more. The law by itself is compared in `gpu::law_tests`.
+const SOIL_TOLERANCE: [f64; 8] = [1e-6, 1e-5, 1e-6, 1e-5, 1e-6, 1e-5, 1e-5, 1e-4];
 
 fn agrees(differences: [f64; 8]) -> bool {
     differences.iter().zip(TOLERANCE).all(|(d, t)| *d <= t)
@@ -133,10 +152,17 @@ fn agrees(differences: [f64; 8]) -> bool {
 
 #[test]
 fn stages_agree_on_random_states() {
-    for (seed, (kernel, transfer)) in
-        [("compact", "mls"), ("compact", "apic"), ("quadratic", "mls"), ("quadratic", "apic")].iter().enumerate()
-    {
-        let problem = random_scene(kernel, transfer, 11 + seed as u64);
+    let cases = [
+        ("compact", "mls", ELASTIC),
+        ("compact", "apic", ELASTIC),
+        ("quadratic", "mls", ELASTIC),
+        ("quadratic", "apic", ELASTIC),
+        ("compact", "mls", SOILS),
+        ("compact", "mls", METALS),
+        ("quadratic", "apic", SOILS),
+    ];
+    for (seed, (kernel, transfer, materials)) in cases.into_iter().enumerate() {
+        let problem = random_scene(kernel, transfer, materials, 11 + seed as u64);
         let differences = step(&problem, &problem);
         println!(
             "mass {:.1e} momentum {:.1e} | mass {:.1e} velocity {:.1e} | x {:.1e} v {:.1e} B {:.1e} F {:.1e}",
@@ -149,13 +175,15 @@ fn stages_agree_on_random_states() {
             differences[6],
             differences[7]
         );
-        assert!(agrees(differences), "{kernel} {transfer}: {differences:?}");
+        let tolerance = if materials == SOILS { SOIL_TOLERANCE } else { TOLERANCE };
+        let agrees = differences.iter().zip(tolerance).all(|(d, t)| *d <= t);
+        assert!(agrees, "{kernel} {transfer}: {differences:?}");
     }
 }
 
 #[test]
 fn planted_errors_are_caught() {
-    let problem = random_scene("compact", "mls", 21);
+    let problem = random_scene("compact", "mls", ELASTIC, 21);
     assert!(agrees(step(&problem, &problem)));
     type Plant<'a> = &'a dyn Fn(&mut Problem);
     let planted: [(&str, Plant); 6] = [
@@ -182,8 +210,13 @@ fn planted_errors_are_caught() {
 #[test]
 fn fused_steps_follow_the_reference() {
     use gridfall::engine::{Engine, NoControl};
-    for (kernel, transfer) in [("compact", "mls"), ("quadratic", "apic")] {
-        let problem = Problem { max_dt_s: Some(DT_S), cfl: 1.0, ..scene(kernel, transfer) };
+    for (kernel, transfer, materials) in [
+        ("compact", "mls", ELASTIC),
+        ("quadratic", "apic", ELASTIC),
+        ("compact", "mls", SOILS),
+        ("compact", "mls", METALS),
+    ] {
+        let problem = Problem { max_dt_s: Some(DT_S), cfl: 1.0, ..scene(kernel, transfer, materials) };
         let mut gpu = common::gpu_engine(&problem);
         let stats = gpu.advance_frame(40.0 * DT_S, &NoControl).unwrap();
         let mut cpu = gridfall::cpu::CpuEngine::new(&Problem { precision: Precision::F64, ..problem.clone() }).unwrap();

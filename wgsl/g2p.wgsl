@@ -24,6 +24,16 @@ fn is_alone(y: vec3<f32>, mass: f32) -> bool {
     return found < own * mass * (1.0 + ALONE);
 }
 
+/// [ω] for which [ω] D has the angular momentum of B: (tr D I - D) ω = L.
+fn rotation_of(B: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
+    let D = times_moment(mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), y);
+    let t = D[0].x + D[1].y + D[2].z;
+    let inertia = mat3x3<f32>(t, 0.0, 0.0, 0.0, t, 0.0, 0.0, 0.0, t) - D;
+    let momentum = vec3<f32>(B[1].z - B[2].y, B[2].x - B[0].z, B[0].y - B[1].x);
+    let w = (cofactor(inertia) * momentum) / determinant(inertia);
+    return mat3x3<f32>(0.0, w.z, -w.y, -w.z, 0.0, w.x, w.y, -w.x, 0.0);
+}
+
 @compute @workgroup_size(WORKGROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let item = group_index(group, groups);
@@ -54,8 +64,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
             next.state.F = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
             next.state.J = 1.0;
             principal = decompose(next.state, material.model);
-            let C = times_inverse_moment(g.B, next.local);
-            g.B = times_moment(0.5 * (C - transpose(C)), next.local);
+            g.B = times_moment(rotation_of(g.B, next.local), next.local);
         }
         let block = block_index(block_coordinates(job.block) + next.shift);
         if (block < 0) {

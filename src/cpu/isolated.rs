@@ -1,13 +1,16 @@
 //! Particles that share no node with another, and their reset (Bai & Schroeder §5): alone, a particle oscillates against its own nodes, and
 //! steps of varying length can feed that without bound. So at every frame boundary, where the step may change,
-//! F ← I (a fluid's J ← 1) and C ← its skew part; position, velocity and spin stay.
+//! F ← I (a fluid's J ← 1) and C ← a rigid rotation [ω]; position, velocity and angular momentum stay.
+//!
+//! The paper takes the skew part of C. Where D is not a multiple of I (compact kernel) that is not the rotation with the particle's angular
+//! momentum L_k = ε_kij B_ji (per mass); B = [ω] D has it for (tr D I − D) ω = L.
 
 use super::chunk::{Chunk, LANES, Lanes, Stencils, matrix, set_matrix};
 use super::g2p::gather_lane;
 use super::solver::Setup;
 use super::tile::{MASS, Node};
 use crate::sim::kernel::Kernel;
-use crate::sim::linalg::scaled_identity;
+use crate::sim::linalg::{Matrix, apply, cofactor, det, scaled_identity, trace};
 use crate::sim::real::Real;
 
 /// Others may add this share to Σ w m_i before a particle counts as accompanied: what they contribute below is no support, and f32 sums
@@ -42,14 +45,36 @@ pub fn reset<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: 
         // J in the first entry of a fluid's F is 1 at rest, too.
         set_matrix(&mut chunk.f, l, &scaled_identity(T::ONE));
         if setup.affine {
-            let c = stencils.times_inverse_moment::<K>(&matrix(&chunk.b, l), l);
-            let mut spin = c;
-            for i in 0..D {
-                for k in 0..D {
-                    spin[i][k] = T::HALF * (c[i][k] - c[k][i]);
-                }
-            }
+            let d = stencils.times_moment(&scaled_identity(T::ONE), l);
+            let spin = rotation_of(&matrix(&chunk.b, l), &d);
             set_matrix(&mut chunk.b, l, &stencils.times_moment(&spin, l));
         }
     }
+}
+
+/// [ω] for which [ω] D has the angular momentum of B.
+fn rotation_of<T: Real, const D: usize>(b: &Matrix<T, D>, d: &Matrix<T, D>) -> Matrix<T, D> {
+    let mut spin = [[T::ZERO; D]; D];
+    if D == 2 {
+        let omega = (b[1][0] - b[0][1]) / trace(d);
+        (spin[1][0], spin[0][1]) = (omega, -omega);
+        return spin;
+    }
+    let mut inertia = scaled_identity(trace(d));
+    let mut momentum = [T::ZERO; D];
+    for i in 0..D {
+        let (j, k) = ((i + 1) % D, (i + 2) % D);
+        momentum[i] = b[k][j] - b[j][k];
+        for k in 0..D {
+            inertia[i][k] -= d[i][k];
+        }
+    }
+    // The inertia is symmetric: its inverse is its cofactor matrix over its determinant.
+    let omega = apply(&cofactor(&inertia), &momentum);
+    for i in 0..D {
+        let (j, k) = ((i + 1) % D, (i + 2) % D);
+        let w = omega[i] / det(&inertia);
+        (spin[k][j], spin[j][k]) = (w, -w);
+    }
+    spin
 }

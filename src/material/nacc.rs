@@ -99,7 +99,7 @@ fn isochoric_mean<T: Real, const D: usize>(deviator: &Vector<T, D>, start: T) ->
             }
             slope += others;
         }
-        m = m - value / slope;
+        m -= value / slope;
     }
     m
 }

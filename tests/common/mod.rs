@@ -41,6 +41,11 @@ pub fn randomise(problem: &mut Problem, rng: &mut ChaCha8Rng) {
         p.v[id] = std::array::from_fn(|_| random(1.0));
         p.b[id] = std::array::from_fn(|_| random(0.03 * dx));
         let material = problem.bodies[p.body[id] as usize].material;
+        p.plastic[id] += match problem.materials[material] {
+            Material::DruckerPrager(_) => random(0.05).max(0.0),
+            Material::Nacc(_) | Material::Snow(_) => random(0.02),
+            _ => 0.0,
+        };
         p.f[id] = match problem.materials[material] {
             Material::WeaklyCompressibleFluid(_) => {
                 let s = (1.0 + random(0.05)).cbrt();
