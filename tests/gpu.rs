@@ -1,6 +1,8 @@
 //! The GPU engine on its own: exact motions, repeatability, growth, guards and errors.
 
 mod common;
+#[path = "gpu/isolated.rs"]
+mod isolated;
 
 use gridfall::engine::{Control, Engine, EngineError, NoControl};
 use gridfall::sim::particles::Particles;

@@ -1,14 +1,14 @@
 //! A particle that shares no node with another is reset at the frame's end, on both engines; nothing else is, and the step is planned
 //! for the stiffness that a deformation brings.
 
-mod common;
-
 use gridfall::cpu::CpuEngine;
 use gridfall::engine::{Engine, NoControl};
 use gridfall::scene::estimate::estimate;
 use gridfall::sim::diagnostics::Row;
 use gridfall::sim::particles::Particles;
 use gridfall::sim::problem::{Precision, Problem};
+
+use crate::common;
 
 /// A lone, stretched, sheared, spinning particle and a block at rest; a pair of particles that hold on to each other by their corners.
 fn scene(kernel: &str, model: &str) -> Problem {
