@@ -34,7 +34,7 @@ fn are_valid_and_say_what_to_look_for() {
         let mut judged = scene.clone();
         if is_large(scene, &all) {
             // Wider cells: everything but the number of particles, up to 84 million, is judged as it stands.
-            judged.domain.dx *= 4.0;
+            judged.domain.dx *= 8.0;
         }
         scene::check(&judged, &Limits::default()).unwrap_or_else(|f| panic!("{path:?}: {f:#?}"));
     }
