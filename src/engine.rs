@@ -50,9 +50,7 @@ pub enum EngineError {
     Canceled,
     #[error("the device cannot hold the scene: {0}")]
     Capacity(String),
-    #[error(
-        "the simulation diverged at step {step} (t = {time_s:.6} s): {what}; lower solver.cfl or solver.max_dt, or raise the resolution"
-    )]
+    #[error("the simulation diverged at step {step} (t = {time_s:.6} s): {what}")]
     Diverged { step: u64, time_s: f64, what: String },
     #[error("a particle left the domain at step {step} (t = {time_s:.6} s): {what}")]
     LeftDomain { step: u64, time_s: f64, what: String },

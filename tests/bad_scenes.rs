@@ -356,3 +356,31 @@ fn messages_are_for_people() {
     }
     println!("{text}");
 }
+
+#[test]
+fn material_parameters_out_of_range() {
+    let with = |material: &str| {
+        format!(
+            r#"{{ "gridfall": 1, "name": "m", "domain": {{ "min": [0,0,0], "max": [1,1,1], "dx": 0.125 }}, "materials": {{ "m": {material} }},
+            "bodies": [ {{ "name": "b", "material": "m", "shape": {{ "box": {{ "min": [0.2,0.2,0.2], "max": [0.8,0.8,0.8] }} }} }} ], "time": {{ "end": 1 }} }}"#
+        )
+    };
+    let solid = r#""density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3"#;
+    for (parameters, pointer) in [
+        (r#""model": "drucker-prager", "friction_angle_degrees": 90"#, "friction_angle_degrees"),
+        (r#""model": "von-mises", "yield_stress": 0"#, "yield_stress"),
+        (r#""model": "nacc", "M": 0, "beta": 0.5, "xi": 3, "alpha0": -0.01"#, "M"),
+        (r#""model": "nacc", "M": 2, "beta": -1, "xi": 3, "alpha0": -0.01"#, "beta"),
+        (r#""model": "snow", "critical_compression": 1"#, "critical_compression"),
+        (r#""model": "snow", "hardening": -1"#, "hardening"),
+        (r#""model": "von-mises", "yield_stress": 1e3, "elasticity": "hooke""#, "elasticity"),
+    ] {
+        let text = with(&format!("{{ {parameters}, {solid} }}"));
+        let scene = gridfall::scene::parse(&text);
+        let faults =
+            scene.and_then(|scene| gridfall::scene::problem(&scene, &Default::default()).map(drop)).unwrap_err();
+        assert_eq!(faults.len(), 1, "{faults:?}");
+        assert_eq!(faults[0].pointer, format!("/materials/m/{pointer}"));
+        assert!(!faults[0].remedy.is_empty());
+    }
+}

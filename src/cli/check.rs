@@ -12,7 +12,7 @@ use super::CliError;
 use super::device::DeviceArguments;
 use crate::backend::Devices;
 use crate::engine::{Backend, Control, EngineError};
-use crate::scene::estimate::{Estimate, estimate};
+use crate::scene::estimate::{Estimate, Limit, estimate};
 use crate::scene::{self, Fault, Limits};
 use crate::sim::problem::Problem;
 
@@ -135,6 +135,7 @@ fn text(problem: &Problem, estimate: &Estimate, speed: &Speed) -> String {
         ),
         ("memory", memory),
         ("step", format!("{:.3e} s, set by {}", estimate.dt_s, estimate.dt_reason)),
+        ("then", runners_up(estimate)),
         (
             "steps",
             format!(
@@ -154,6 +155,15 @@ fn text(problem: &Problem, estimate: &Estimate, speed: &Speed) -> String {
         text += &format!("  {label:<10} {value}\n");
     }
     text
+}
+
+/// What would rule if the ruling bound were relaxed.
+fn runners_up(estimate: &Estimate) -> String {
+    let limit = |l: &Limit| match &l.body {
+        Some(body) => format!("{} of '{body}' {:.3e} s", l.rule, l.dt_s),
+        None => format!("{} {:.3e} s", l.rule, l.dt_s),
+    };
+    estimate.dt_limits.iter().skip(1).take(3).map(limit).collect::<Vec<_>>().join(", ")
 }
 
 /// 1234567 as 1,234,567.

@@ -2,6 +2,7 @@
 
 use super::stages::{Moved, Stages, stages};
 use crate::engine::{Backend, Control, Engine, EngineError, FrameStats};
+use crate::sim::divergence::{Suspect, likely_cause};
 use crate::sim::particles::Particles;
 use crate::sim::problem::{Axis, Problem};
 use crate::sim::timestep::{REPLAN_DEMAND, plan_frame};
@@ -66,7 +67,10 @@ impl CpuEngine {
         } else {
             format!("moved a whole cell in one step at {:.3e} m/s", speed_squared(&p.v[i]).sqrt())
         };
-        format!("particle {i} (body \"{}\") {fault}", self.problem.bodies[p.body[i] as usize].name)
+        let body = p.body[i] as usize;
+        let suspect = Suspect { body, f: p.f[i], speed_m_s: speed_squared(&p.v[i]).sqrt() };
+        let cause = likely_cause(&self.problem, &suspect);
+        format!("particle {i} (body \"{}\") {fault}; likely cause: {cause}", self.problem.bodies[body].name)
     }
 
     fn outside(&self) -> String {

@@ -157,7 +157,6 @@ widest! {
                 let change = mul(&matrix(grad_v, l), &f);
                 set_matrix(&mut chunk.f, l, &add_scaled_matrix(&f, dt, &change));
             }
-            flow(&setup.bodies[chunk.body as usize].law, chunk);
         }
 
         let step = dt / setup.dx;
@@ -191,16 +190,18 @@ widest! {
     }
 }
 
-/// Return maps of a chunk's particles.
-fn flow<T: Real, const D: usize>(law: &Law<T>, chunk: &mut Chunk<T, D>) {
-    if !law.is_plastic() {
-        return;
-    }
+/// Return maps of a chunk's particles, whose law works in principal space, and their stresses after it (Pa). Returns the largest ratio of
+/// a particle's stiffness to that at rest.
+pub fn flow<T: Real, const D: usize>(law: &Law<T>, chunk: &mut Chunk<T, D>, tau: &mut MatrixLanes<T, D>) -> T {
+    let mut most = T::ZERO;
     for l in 0..chunk.count {
         let (mut f, mut plastic) = (matrix(&chunk.f, l), chunk.plastic[l]);
         // A state that is not finite shows as a velocity that is not finite in the next G2P.
-        law.return_map(&mut f, &mut plastic);
+        let (stress, stiffening) = law.flow(&mut f, &mut plastic);
         set_matrix(&mut chunk.f, l, &f);
+        set_matrix(tau, l, &stress);
         chunk.plastic[l] = plastic;
+        most = most.max(stiffening);
     }
+    most
 }

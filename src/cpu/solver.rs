@@ -244,18 +244,22 @@ impl<T: Real, const D: usize> Solver<T, D> {
             let mut moves = Moves::default();
             let mut scratch: MatrixLanes<T, D> = chunks[0].b;
             for chunk in chunks {
+                let body = &setup.bodies[chunk.body as usize];
+                let mut flowed = None;
                 if g2p {
                     let alone = (!p2g).then(|| interpolation.isolated(setup, chunk, velocities));
                     interpolation.gather(setup, chunk, velocities, &mut scratch);
                     moves = moves.and(g2p::advance(setup, chunk, dt, &scratch, &block.inside));
+                    if body.law.is_principal() {
+                        flowed = Some(g2p::flow(&body.law, chunk, &mut scratch));
+                    }
                     if let Some(alone) = alone.filter(|alone| alone.contains(&true)) {
                         interpolation.reset(setup, chunk, &alone);
                         moves.isolated += alone.iter().filter(|&&alone| alone).count() as u64;
                     }
                 }
                 if p2g && !(moves.strayed || moves.diverged) {
-                    let body = &setup.bodies[chunk.body as usize];
-                    let stiffening = p2g::stress(&body.law, chunk, &mut scratch);
+                    let stiffening = flowed.unwrap_or_else(|| p2g::stress(&body.law, chunk, &mut scratch));
                     moves.demand = moves.demand.max(body.demand * stiffening);
                     interpolation.scatter(setup, chunk, dt, &scratch, tile);
                 }

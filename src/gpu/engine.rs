@@ -11,6 +11,7 @@ use super::readback::{self, GridNode};
 use super::stages::{self, Dispatch, FRAME_END, FRAME_START, STEP};
 use super::upload::{self, Frame};
 use crate::engine::{Backend, Control, Engine, EngineError, FrameStats};
+use crate::sim::divergence::{Suspect, likely_cause};
 use crate::sim::particles::Particles;
 use crate::sim::problem::{Kernel, Precision, Problem, Transfer};
 use crate::sim::timestep::{self, Extremes};
@@ -330,17 +331,37 @@ impl GpuEngine {
     fn failure(&self, status: &Status, dt_s: f64) -> EngineError {
         let step = self.steps + u64::from(status.index);
         let time_s = self.time_s + f64::from(status.index) * dt_s;
-        let particle = status.error_particle;
-        let what = if status.error & layout::ERROR_NAN != 0 {
-            format!("particle {particle} is no longer finite")
-        } else if status.error & layout::ERROR_DOMAIN != 0 {
-            return EngineError::LeftDomain { step, time_s, what: format!("particle {particle}") };
+        let id = status.error_particle as usize;
+        let (who, cause) = self.suspect(id).unwrap_or_default();
+        if status.error & layout::ERROR_DOMAIN != 0 && status.error & layout::ERROR_NAN == 0 {
+            return EngineError::LeftDomain { step, time_s, what: who };
+        }
+        let fault = if status.error & layout::ERROR_NAN != 0 {
+            "is no longer finite"
         } else if status.error & layout::ERROR_CFL != 0 {
-            format!("particle {particle} moved more than a cell in one step")
+            "moved more than a cell in one step"
         } else {
-            "a node's mass or momentum passed the fixed-point range".into()
+            return EngineError::Diverged {
+                step,
+                time_s,
+                what: "a node's mass or momentum passed the fixed-point range; likely cause: speeds grew without bound"
+                    .into(),
+            };
         };
-        EngineError::Diverged { step, time_s, what }
+        EngineError::Diverged {
+            step,
+            time_s,
+            what: format!("{who} {fault}; likely cause, from the frame's start: {cause}"),
+        }
+    }
+
+    /// A particle's name, and what its state at the frame's start says about a failure.
+    fn suspect(&self, id: usize) -> Option<(String, String)> {
+        let p = readback::particles(&self.gpu, &self.buffers, &self.frame).ok()?;
+        let body = *p.body.get(id)? as usize;
+        let speed_m_s = p.v[id].iter().map(|v| v * v).sum::<f64>().sqrt();
+        let cause = likely_cause(&self.problem, &Suspect { body, f: p.f[id], speed_m_s });
+        Some((format!("particle {id} (body \"{}\")", self.problem.bodies[body].name), cause))
     }
 }
 

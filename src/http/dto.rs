@@ -178,6 +178,8 @@ pub struct Estimate {
     pub dt_bound: &'static str,
     /// The same in words, and what would lengthen the step.
     pub dt_reason: String,
+    /// All rules and the step that each allows, the ruling one first.
+    pub dt_limits: Vec<Limit>,
     pub steps_per_frame: u64,
     /// Frames in the recording, frame 0 included.
     pub frames: u64,
@@ -187,6 +189,24 @@ pub struct Estimate {
     pub particle_steps: f64,
     /// Simulated time at the end (s).
     pub end_time: f64,
+}
+
+/// A rule of the step, and what it allows.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Limit {
+    /// Stable name.
+    pub rule: &'static str,
+    /// The body that it is about; null for rules about the whole scene.
+    #[schema(required)]
+    pub body: Option<String>,
+    /// s.
+    pub dt_s: f64,
+}
+
+impl From<scene::estimate::Limit> for Limit {
+    fn from(limit: scene::estimate::Limit) -> Self {
+        Self { rule: limit.rule, body: limit.body, dt_s: limit.dt_s }
+    }
 }
 
 impl From<scene::estimate::Estimate> for Estimate {
@@ -200,6 +220,7 @@ impl From<scene::estimate::Estimate> for Estimate {
             dt_s: estimate.dt_s,
             dt_bound: estimate.dt_bound,
             dt_reason: estimate.dt_reason,
+            dt_limits: estimate.dt_limits.into_iter().map(Limit::from).collect(),
             steps_per_frame: estimate.steps_per_frame,
             frames: u64::from(estimate.frames) + 1,
             steps: estimate.steps,

@@ -57,6 +57,8 @@ impl<T: Real> FixedCorotated<T> {
 
 /// The law in principal space, for the plastic laws that build on it.
 impl<T: Real> Principal<T> for FixedCorotated<T> {
+    const PLASTIC: bool = false;
+
     fn energy<const D: usize>(&self, sigma: &Vector<T, D>, _plastic: T) -> T {
         let stretch: T = sigma.iter().map(|&s| (s - T::ONE) * (s - T::ONE)).sum();
         let dilation = product(sigma) - T::ONE;

@@ -72,9 +72,21 @@ impl<T: Real> Law<T> {
         }
     }
 
-    /// Whether [`Self::return_map`] can change anything.
+    /// Whether the law is evaluated by [`Self::flow`], a particle at a time: in principal space.
+    pub fn is_principal(&self) -> bool {
+        principal!(self, _law => true, {
+            Self::FixedCorotated(_) | Self::NeoHookean(_) | Self::WeaklyCompressibleFluid(_) => false,
+        })
+    }
+
+    /// Whether [`Self::flow`] can change F.
     pub fn is_plastic(&self) -> bool {
-        matches!(self, Self::DruckerPrager(_) | Self::Nacc(_) | Self::VonMises(_) | Self::Snow(_))
+        fn plastic<T: Real, L: principal::Principal<T>>(_law: &L) -> bool {
+            L::PLASTIC
+        }
+        principal!(self, law => plastic(law), {
+            Self::FixedCorotated(_) | Self::NeoHookean(_) | Self::WeaklyCompressibleFluid(_) => false,
+        })
     }
 
     /// ψ(F) (J/m³).
@@ -116,11 +128,13 @@ impl<T: Real> Law<T> {
         lambda + T::TWO * mu
     }
 
-    /// Moves F and the plastic state back to the yield surface, if they are beyond it. Elastic laws leave them alone.
-    pub fn return_map<const D: usize>(&self, f: &mut Matrix<T, D>, plastic: &mut T) {
-        principal!(self, law => principal::return_map(law, f, plastic), {
-            Self::FixedCorotated(_) | Self::NeoHookean(_) | Self::WeaklyCompressibleFluid(_) => {},
+    /// Moves F and the plastic state back to the yield surface, if they are beyond it (elastic laws leave them alone), and gives what
+    /// [`Self::kirchhoff`] gives there.
+    pub fn flow<const D: usize>(&self, f: &mut Matrix<T, D>, plastic: &mut T) -> (Matrix<T, D>, T) {
+        let (tau, stiffness) = principal!(self, law => principal::flow(law, f, plastic), {
+            Self::FixedCorotated(_) | Self::NeoHookean(_) | Self::WeaklyCompressibleFluid(_) => return self.kirchhoff(f, *plastic),
         });
+        (tau, stiffness / self.stiffness_at_rest())
     }
 }
 

@@ -12,6 +12,9 @@ pub const MAX_STRETCH: f64 = 1e4;
 /// An isotropic law. `sigma` are the singular values of F within [[`MIN_STRETCH`], [`MAX_STRETCH`]], `plastic` is the law's
 /// scalar plastic state (what it means, if anything, is said by each law).
 pub trait Principal<T: Real> {
+    /// Whether anything flows. An elastic law leaves F as it is, inverted states included.
+    const PLASTIC: bool = true;
+
     /// ψ (J/m³).
     fn energy<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> T;
 
@@ -45,18 +48,22 @@ pub fn kirchhoff<T: Real, const D: usize>(law: &impl Principal<T>, f: &Matrix<T,
     (spectral(&u, &tau, &u), law.stiffness(&sigma, plastic))
 }
 
-/// Moves F and the plastic state back to the yield surface, if they are beyond it.
-pub fn return_map<T: Real, const D: usize>(law: &impl Principal<T>, f: &mut Matrix<T, D>, plastic: &mut T) {
+/// Moves F and the plastic state back to the yield surface, if they are beyond it, and gives what [`kirchhoff`] gives there: one
+/// decomposition serves both.
+pub fn flow<T: Real, L: Principal<T>, const D: usize>(
+    law: &L,
+    f: &mut Matrix<T, D>,
+    plastic: &mut T,
+) -> (Matrix<T, D>, T) {
     let Svd { u, sigma, v } = svd(f);
     let trial = clamped(&sigma);
-    match law.return_map(&trial, *plastic) {
-        Some((sigma, state)) => {
-            *f = spectral(&u, &sigma, &v);
-            *plastic = state;
-        }
-        None if trial != sigma => *f = spectral(&u, &trial, &v),
-        None => {}
+    let returned = law.return_map(&trial, *plastic);
+    let (after, state) = returned.unwrap_or((trial, *plastic));
+    if L::PLASTIC && after != sigma {
+        *f = spectral(&u, &after, &v);
     }
+    *plastic = state;
+    (spectral(&u, &law.kirchhoff(&after, state), &u), law.stiffness(&after, state))
 }
 
 /// U diag(values) Vᵀ.

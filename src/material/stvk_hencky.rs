@@ -23,6 +23,8 @@ impl<T: Real> StvkHencky<T> {
 }
 
 impl<T: Real> Principal<T> for StvkHencky<T> {
+    const PLASTIC: bool = false;
+
     fn energy<const D: usize>(&self, sigma: &Vector<T, D>, _plastic: T) -> T {
         let strain = sigma.map(T::ln);
         let trace = strain.iter().copied().sum::<T>();

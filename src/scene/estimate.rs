@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::sim::problem::{Axis, Kernel, Material, Problem};
-use crate::sim::timestep::{initial_extremes, plan_frame};
+use crate::sim::timestep::{Bound, Extremes, initial_extremes, limits, plan_frame};
 
 /// Host memory a particle (bytes): its state in the problem, in the CPU engine while it is binned anew, and in a snapshot.
 pub(super) const HOST_BYTES_PER_PARTICLE: u64 = 1024;
@@ -38,6 +38,8 @@ pub struct Estimate {
     pub dt_bound: &'static str,
     /// The same in words, and what would lengthen the step.
     pub dt_reason: String,
+    /// All rules and the step that each allows (s), the ruling one first.
+    pub dt_limits: Vec<Limit>,
     pub steps_per_frame: u64,
     /// Frames after frame 0.
     pub frames: u32,
@@ -49,9 +51,32 @@ pub struct Estimate {
     pub simulated_s: f64,
 }
 
+/// A rule of the step, and what it allows.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Limit {
+    /// Stable name.
+    pub rule: &'static str,
+    /// The body that it is about, if it is about one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    pub dt_s: f64,
+}
+
+fn dt_limits(problem: &Problem, extremes: &Extremes) -> Vec<Limit> {
+    let mut limits = limits(problem, extremes, problem.frame_s);
+    limits.retain(|limit| limit.0.is_finite());
+    limits.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let limit = |(dt_s, bound): (f64, Bound)| {
+        let body = bound.body().map(|body| problem.bodies[body].name.clone());
+        Limit { rule: bound.name(), body, dt_s }
+    };
+    limits.into_iter().map(limit).collect()
+}
+
 /// Costs a problem.
 pub fn estimate(problem: &Problem) -> Estimate {
-    let plan = plan_frame(problem, &initial_extremes(problem), problem.frame_s);
+    let extremes = initial_extremes(problem);
+    let plan = plan_frame(problem, &extremes, problem.frame_s);
     let particles = problem.particles.len() as u64;
     let blocks = active_blocks(problem);
     let steps = plan.steps.saturating_mul(u64::from(problem.frames));
@@ -64,6 +89,7 @@ pub fn estimate(problem: &Problem) -> Estimate {
         dt_s: plan.dt_s,
         dt_bound: plan.bound.name(),
         dt_reason: plan.bound.explain(problem),
+        dt_limits: dt_limits(problem, &extremes),
         steps_per_frame: plan.steps,
         frames: problem.frames,
         steps,

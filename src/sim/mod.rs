@@ -3,6 +3,7 @@
 pub mod collider;
 pub mod contact;
 pub mod diagnostics;
+pub mod divergence;
 pub mod kernel;
 pub mod linalg;
 pub mod moments;

@@ -26,7 +26,7 @@ use serde::Serialize;
 use super::problem::{Body, Kernel, Material, Problem, Transfer};
 use crate::material;
 
-pub use plan::{Extremes, MAX_GROWTH, REPLAN, REPLAN_DEMAND, StepPlan, initial_extremes, plan_frame};
+pub use plan::{Extremes, MAX_GROWTH, REPLAN, REPLAN_DEMAND, StepPlan, initial_extremes, limits, plan_frame};
 
 /// Share of the elastic and viscous bounds that is used: they are sharp, and hold for small strain.
 pub const SAFETY: f64 = 0.9;
@@ -62,6 +62,14 @@ impl Bound {
             Self::ParticleSpeed => "particle-speed",
             Self::MaxDt => "max-dt",
             Self::Frame => "frame",
+        }
+    }
+
+    /// The body whose material it is about.
+    pub fn body(self) -> Option<usize> {
+        match self {
+            Self::Bulk { body } | Self::SingleParticle { body } | Self::Viscosity { body } => Some(body),
+            _ => None,
         }
     }
 
@@ -162,8 +170,8 @@ pub fn moduli(material: &Material) -> (f64, f64, f64) {
     }
 }
 
-/// Bound of a body's material (s), safety factor included.
-fn body_bound(problem: &Problem, index: usize, body: &Body) -> (f64, Bound) {
+/// Bounds of a body's material (s), safety factor included: bulk and single particle, viscosity in each.
+fn body_bounds(problem: &Problem, index: usize, body: &Body) -> [(f64, Bound); 2] {
     let (lambda, mu, viscosity) = moduli(&problem.materials[body.material]);
     let rho = body.mass / body.volume0;
     let elastic = elastic_bounds_s(problem, lambda, mu, rho);
@@ -173,13 +181,17 @@ fn body_bound(problem: &Problem, index: usize, body: &Body) -> (f64, Bound) {
         // The positive root of a dt² + b dt = 1, in the form that has no cancellation; viscosity rules if b dt > ½.
         (2.0 / (b + (b * b + 4.0 * a).sqrt()), 2.0 * b * b > a)
     };
-    let (bulk, single) = (both(elastic.0, viscous.0), both(elastic.1, viscous.1));
-    let (dt, viscous, bound) = if bulk.0 <= single.0 {
-        (bulk.0, bulk.1, Bound::Bulk { body: index })
-    } else {
-        (single.0, single.1, Bound::SingleParticle { body: index })
-    };
-    (SAFETY * dt, if viscous { Bound::Viscosity { body: index } } else { bound })
+    let rules = [Bound::Bulk { body: index }, Bound::SingleParticle { body: index }];
+    let bounds = [both(elastic.0, viscous.0), both(elastic.1, viscous.1)];
+    std::array::from_fn(|k| {
+        let (dt, viscous) = bounds[k];
+        (SAFETY * dt, if viscous { Bound::Viscosity { body: index } } else { rules[k] })
+    })
+}
+
+fn body_bound(problem: &Problem, index: usize, body: &Body) -> (f64, Bound) {
+    let [bulk, single] = body_bounds(problem, index, body);
+    if bulk.0 <= single.0 { bulk } else { single }
 }
 
 /// The longest stable step (s) for materials alone, and its rule.

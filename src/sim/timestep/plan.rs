@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Bound, SAFETY, demands_at_rest_1_s2, material_bound};
+use super::{Bound, SAFETY, body_bounds, demands_at_rest_1_s2};
 use crate::material::Law;
 use crate::sim::collider::Collider;
 use crate::sim::linalg;
@@ -53,22 +53,30 @@ impl StepPlan {
 /// Particles must not move more than `cfl` dx in a step: dt ≤ cfl dx / (|v| + √d dx ‖C‖) (Sun, Shinar & Schroeder 2020), with what gravity
 /// adds to |v| within the frame, and no less than the fastest collider.
 pub fn plan_frame(problem: &Problem, extremes: &Extremes, frame_s: f64) -> StepPlan {
-    let falling = extremes.speed_m_s + norm(&problem.gravity) * frame_s;
-    let affine = (problem.dimension as f64).sqrt() * problem.dx * extremes.affine_rate_1_s;
-    let speed = (falling + affine).max(max_collider_speed_m_s(problem));
-    let at_rest = material_bound(problem);
-    let deformed = extremes.demand_1_s2.sqrt().recip();
-    let mut limits = vec![
-        (frame_s, Bound::Frame),
-        // Engines compute the demand in their own precision.
-        if deformed < at_rest.0 * (1.0 - 1e-5) { (deformed, Bound::Deformation) } else { at_rest },
-        (problem.cfl * problem.dx / speed, Bound::ParticleSpeed),
-    ];
-    limits.extend(problem.max_dt_s.map(|dt| (dt, Bound::MaxDt)));
+    let limits = limits(problem, extremes, frame_s);
     let (dt_max, bound) = limits.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("there are limits");
     // A hair of slack, so that a frame of exactly n steps does not become n + 1.
     let steps = ((frame_s / dt_max) * (1.0 - 1e-12)).ceil().max(1.0) as u64;
     StepPlan { dt_s: frame_s / steps as f64, steps, bound }
+}
+
+/// All limits of the step (s) in a frame, with their rules.
+pub fn limits(problem: &Problem, extremes: &Extremes, frame_s: f64) -> Vec<(f64, Bound)> {
+    let falling = extremes.speed_m_s + norm(&problem.gravity) * frame_s;
+    let affine = (problem.dimension as f64).sqrt() * problem.dx * extremes.affine_rate_1_s;
+    let speed = (falling + affine).max(max_collider_speed_m_s(problem));
+    let bodies = problem.bodies.iter().enumerate();
+    let mut limits: Vec<_> = bodies.flat_map(|(index, body)| body_bounds(problem, index, body)).collect();
+    let at_rest = limits.iter().map(|limit| limit.0).fold(f64::INFINITY, f64::min);
+    let deformed = extremes.demand_1_s2.sqrt().recip();
+    // Engines compute the demand in their own precision.
+    if deformed < at_rest * (1.0 - 1e-5) {
+        limits.push((deformed, Bound::Deformation));
+    }
+    limits.push((problem.cfl * problem.dx / speed, Bound::ParticleSpeed));
+    limits.extend(problem.max_dt_s.map(|dt| (dt, Bound::MaxDt)));
+    limits.push((frame_s, Bound::Frame));
+    limits
 }
 
 /// What the particles ask for at time 0.
