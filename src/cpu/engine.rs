@@ -5,7 +5,7 @@ use crate::engine::{Backend, Control, Engine, EngineError, FrameStats};
 use crate::sim::divergence::{Suspect, likely_cause};
 use crate::sim::particles::Particles;
 use crate::sim::problem::{Axis, Problem};
-use crate::sim::timestep::{REPLAN_DEMAND, plan_frame};
+use crate::sim::timestep::{REPLAN_DEMAND, SHRINK, plan_frame};
 
 /// A problem loaded on the CPU.
 pub struct CpuEngine {
@@ -123,7 +123,7 @@ impl Engine for CpuEngine {
                 let extremes = self.stages.extremes();
                 from_s = self.time_s;
                 let longest = plan_frame(&self.problem, &extremes, start_s + frame_s - from_s);
-                plan = longest.no_longer_than(plan.dt_s);
+                plan = longest.no_longer_than(SHRINK * plan.dt_s);
                 done = 0;
             }
             if too_long || moved.strayed {

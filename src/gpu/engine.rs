@@ -379,8 +379,9 @@ impl Engine for GpuEngine {
             // The bound on node speeds has the affine part in it.
             let extremes = Extremes { speed_m_s: self.max_speed, affine_rate_1_s: 0.0, demand_1_s2: self.max_demand };
             let plan = timestep::plan_frame(&self.problem, &extremes, frame_s - done_s).no_longer_than(longest_s);
-            longest_s = plan.dt_s;
             let segment = self.run_segment(plan.dt_s, plan.steps, control)?;
+            let too_long = segment.halt & layout::HALT_REPLAN != 0;
+            longest_s = if too_long { timestep::SHRINK * plan.dt_s } else { plan.dt_s };
             steps += segment.steps;
             self.steps += segment.steps;
             self.time_s += segment.steps as f64 * plan.dt_s;

@@ -13,6 +13,9 @@ use crate::sim::problem::{Body, Problem};
 /// Share of the bounds at which an engine re-plans inside a frame.
 pub const REPLAN: f64 = 0.98;
 
+/// A step that turned out too long is followed by one of at most this share of it, so that planning anew always helps.
+pub const SHRINK: f64 = 0.9;
+
 /// Largest entry of dt ∇v in a step (Sun, Shinar & Schroeder 2020).
 pub const MAX_GROWTH: f64 = 0.5;
 
