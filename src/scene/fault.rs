@@ -82,3 +82,8 @@ fn within(inner: &str, outer: &str) -> bool {
 pub fn join(pointer: &str, token: impl fmt::Display) -> String {
     format!("{pointer}/{}", token.to_string().replace('~', "~0").replace('/', "~1"))
 }
+
+/// A number to suggest, without the digits of its rounding.
+pub fn plain(x: f64) -> f64 {
+    format!("{x:.12e}").parse().unwrap_or(x)
+}

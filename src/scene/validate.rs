@@ -6,7 +6,7 @@ use std::fmt::Display;
 use super::Limits;
 use super::build::{cells, determinant, lattice, particles_per_cell};
 use super::estimate;
-use super::fault::{Faults, join};
+use super::fault::{Faults, join, plain};
 use super::poisson;
 use super::sampling::Lattice;
 use super::schema::{Body, Boundary, Collider, ContactKind, Domain, Output, Sampling, Scene, Solver, Time};
@@ -169,8 +169,8 @@ impl Check<'_> {
             let reason = format!("makes {n:.0} cells along the axis; {MAX_CELLS} is the most");
             self.faults.add(at, "too_many_cells", reason, "raise dx or shrink the domain");
         } else if n.round() < 1.0 || (n - n.round()).abs() > 1e-6 * n.max(1.0) {
-            let (fewer, more) = (min + n.floor().max(1.0) * dx, min + n.ceil() * dx);
-            let reason = format!("the domain is {} m long here, which is {n:.4} cells of dx = {dx}", max - min);
+            let (fewer, more) = (plain(min + n.floor().max(1.0) * dx), plain(min + n.ceil() * dx));
+            let reason = format!("the domain is {} m long here, which is {n:.4} cells of dx = {dx}", plain(max - min));
             let remedy = format!("make it a whole number of cells: max = {fewer} or {more}, or change dx");
             self.faults.add(at, "not_whole_cells", reason, remedy);
         }
@@ -429,7 +429,7 @@ impl Check<'_> {
             let reason = format!("{frames:.0} frames; {MAX_FRAMES} is the most");
             self.faults.add("/time/end", "too_many_frames", reason, "end earlier or lower frame_rate");
         } else if frames.round() < 1.0 || (frames - frames.round()).abs() > 1e-3 {
-            let at = |frames: f64| frames / time.frame_rate;
+            let at = |frames: f64| plain(frames / time.frame_rate);
             let reason = format!("{} s at {} frames a second are {frames:.4} frames", time.end, time.frame_rate);
             let remedy = format!(
                 "end on a frame: at {} or {} s, or change frame_rate",
