@@ -189,19 +189,3 @@ widest! {
         moves
     }
 }
-
-/// Return maps of a chunk's particles, whose law works in principal space, and their stresses after it (Pa). Returns the largest ratio of
-/// a particle's stiffness to that at rest.
-pub fn flow<T: Real, const D: usize>(law: &Law<T>, chunk: &mut Chunk<T, D>, tau: &mut MatrixLanes<T, D>) -> T {
-    let mut most = T::ZERO;
-    for l in 0..chunk.count {
-        let (mut f, mut plastic) = (matrix(&chunk.f, l), chunk.plastic[l]);
-        // A state that is not finite shows as a velocity that is not finite in the next G2P.
-        let (stress, stiffening) = law.flow(&mut f, &mut plastic);
-        set_matrix(&mut chunk.f, l, &f);
-        set_matrix(tau, l, &stress);
-        chunk.plastic[l] = plastic;
-        most = most.max(stiffening);
-    }
-    most
-}

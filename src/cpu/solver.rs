@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::bin::{self, Place};
 use super::chunk::{Chunk, MatrixLanes, matrix, set_matrix};
+use super::flow;
 use super::g2p::{self, Moves};
 use super::grid_update::Grid;
 use super::interpolation::{Interpolation, interpolation};
@@ -251,7 +252,7 @@ impl<T: Real, const D: usize> Solver<T, D> {
                     interpolation.gather(setup, chunk, velocities, &mut scratch);
                     moves = moves.and(g2p::advance(setup, chunk, dt, &scratch, &block.inside));
                     if body.law.is_principal() {
-                        flowed = Some(g2p::flow(&body.law, chunk, &mut scratch));
+                        flowed = Some(flow::flow(&body.law, chunk, &mut scratch));
                     }
                     if let Some(alone) = alone.filter(|alone| alone.contains(&true)) {
                         interpolation.reset(setup, chunk, &alone);

@@ -178,7 +178,8 @@ fn differences(materials: &[Material], states: &[State], answers: &[Answer]) -> 
     for (state, answer) in states.iter().zip(answers) {
         let law = Law::<f64>::new(&materials[state.material]);
         let (mut f, mut plastic) = (state.f, state.plastic);
-        let (tau, stiffening) = law.flow(&mut f, &mut plastic);
+        law.return_map(&mut f, &mut plastic);
+        let (tau, stiffening) = law.kirchhoff(&f, plastic);
         let at_rest = law.stiffness_at_rest();
         let fluid = materials[state.material].is_fluid();
         let found = [

@@ -19,14 +19,16 @@ pub use drucker_prager::DruckerPrager;
 pub use fixed_corotated::FixedCorotated;
 pub use nacc::Nacc;
 pub use neo_hookean::NeoHookean;
+pub use principal::Flow;
 pub use snow::Snow;
 pub use stvk_hencky::StvkHencky;
 pub use von_mises::VonMises;
 pub use weakly_compressible_fluid::WeaklyCompressibleFluid;
 
 use crate::scene::schema::{Elastic, Material};
-use crate::sim::linalg::{Matrix, det, from_row_major, scaled_identity, to_row_major};
+use crate::sim::linalg::{Matrix, Vector, det, from_row_major, scaled_identity, to_row_major};
 use crate::sim::real::Real;
+use crate::sim::svd::{Svd, svd};
 
 /// A law ready to be evaluated.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,14 +74,14 @@ impl<T: Real> Law<T> {
         }
     }
 
-    /// Whether the law is evaluated by [`Self::flow`], a particle at a time: in principal space.
+    /// Whether the law works in principal space.
     pub fn is_principal(&self) -> bool {
         principal!(self, _law => true, {
             Self::FixedCorotated(_) | Self::NeoHookean(_) | Self::WeaklyCompressibleFluid(_) => false,
         })
     }
 
-    /// Whether [`Self::flow`] can change F.
+    /// Whether [`Self::return_map`] can change F.
     pub fn is_plastic(&self) -> bool {
         fn plastic<T: Real, L: principal::Principal<T>>(_law: &L) -> bool {
             L::PLASTIC
@@ -128,13 +130,23 @@ impl<T: Real> Law<T> {
         lambda + T::TWO * mu
     }
 
-    /// Moves F and the plastic state back to the yield surface, if they are beyond it (elastic laws leave them alone), and gives what
-    /// [`Self::kirchhoff`] gives there.
-    pub fn flow<const D: usize>(&self, f: &mut Matrix<T, D>, plastic: &mut T) -> (Matrix<T, D>, T) {
-        let (tau, stiffness) = principal!(self, law => principal::flow(law, f, plastic), {
-            Self::FixedCorotated(_) | Self::NeoHookean(_) | Self::WeaklyCompressibleFluid(_) => return self.kirchhoff(f, *plastic),
-        });
-        (tau, stiffness / self.stiffness_at_rest())
+    /// Return map and stress at singular values of F, for laws in principal space; none for the others.
+    #[inline(always)]
+    pub fn flow_principal<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Option<Flow<T, D>> {
+        principal!(self, law => Some(principal::flow(law, sigma, plastic)), {
+            Self::FixedCorotated(_) | Self::NeoHookean(_) | Self::WeaklyCompressibleFluid(_) => None,
+        })
+    }
+
+    /// Moves F and the plastic state back to the yield surface, if they are beyond it; elastic laws leave them alone.
+    pub fn return_map<const D: usize>(&self, f: &mut Matrix<T, D>, plastic: &mut T) {
+        let Svd { u, sigma, v } = svd(f);
+        if let Some(flow) = self.flow_principal(&sigma, *plastic) {
+            if flow.moved {
+                *f = principal::spectral(&u, &flow.sigma, &v);
+            }
+            *plastic = flow.plastic;
+        }
     }
 }
 

@@ -181,7 +181,7 @@ fn yield_excess<const D: usize>(law: &Law<f64>, sigma: &Vector<f64, D>, plastic:
 fn check_return<const D: usize>(material: &Material, f: Matrix<f64, D>, plastic: f64) {
     let law = Law::<f64>::new(material);
     let (mut after, mut state) = (f, plastic);
-    law.flow(&mut after, &mut state);
+    law.return_map(&mut after, &mut state);
     let finite = after.iter().flatten().all(|x| x.is_finite()) && state.is_finite();
     assert!(finite, "{material:?}: {after:?}, {state} from {f:?}");
     assert!(law.is_plastic() || after == f, "{material:?} is elastic and moved {f:?} to {after:?}");
@@ -198,7 +198,7 @@ fn check_return<const D: usize>(material: &Material, f: Matrix<f64, D>, plastic:
     assert!(excess <= 1e-9 * scale, "{material:?}: {excess} beyond the surface at {sigma:?} from {:?}", svd(&f).sigma);
     // Again with the surface where it was: nothing moves.
     let (mut again, mut state_again) = (after, surface);
-    law.flow(&mut again, &mut state_again);
+    law.return_map(&mut again, &mut state_again);
     let size = after.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
     let moved = again.iter().flatten().zip(after.iter().flatten()).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
     assert!(moved <= 1e-8 * size, "{material:?}: moved again by {moved} from {sigma:?}");
@@ -247,7 +247,7 @@ proptest! {
 fn check_finite<T: Real>(material: &Material, f: &Matrix<T, 3>, plastic: T) {
     let law = Law::<T>::new(material);
     let (mut after, mut state) = (*f, plastic);
-    law.flow(&mut after, &mut state);
+    law.return_map(&mut after, &mut state);
     let (tau, ratio) = law.kirchhoff(&after, state);
     let finite = after.iter().flatten().chain(tau.iter().flatten()).all(|x| x.is_finite());
     assert!(finite && state.is_finite() && ratio.is_finite(), "{material:?}: {after:?}, {state}, {tau:?} from {f:?}");
@@ -263,7 +263,7 @@ fn volume_rules() {
             let f = stretched(&rotation(rng), &sigma, &rotation(rng));
             let plastic = plastic_state(&material, rng.random());
             let (mut after, mut state) = (f, plastic);
-            law.flow(&mut after, &mut state);
+            law.return_map(&mut after, &mut state);
             let (before, now) = (det(&f), det(&after));
             match &material {
                 // Radial return keeps the volume.
@@ -298,14 +298,14 @@ fn sand_must_lose_the_volume_that_it_gained() {
     let law = Law::<f64>::new(&sand);
     let mut f = [[1.1, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let mut gained = 0.0;
-    law.flow(&mut f, &mut gained);
+    law.return_map(&mut f, &mut gained);
     assert!(f == identity::<f64, 3>() && (gained - 1.1f64.ln()).abs() < 1e-15);
     // Half of it back: still no stress. All of it and more: the rest is felt.
     let mut half = [[1.1f64.powf(-0.5), 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    law.flow(&mut half, &mut gained);
+    law.return_map(&mut half, &mut gained);
     assert!((gained - 0.5 * 1.1f64.ln()).abs() < 1e-12);
     assert!(law.kirchhoff(&half, gained).0.iter().flatten().all(|t| t.abs() < 1e-9));
     let mut rest = [[0.9f64, 0.0, 0.0], [0.0, 0.9, 0.0], [0.0, 0.0, 0.9]];
-    law.flow(&mut rest, &mut gained);
+    law.return_map(&mut rest, &mut gained);
     assert!(gained == 0.0 && (det(&rest).ln() - (3.0 * 0.9f64.ln() + 0.5 * 1.1f64.ln())).abs() < 1e-12);
 }

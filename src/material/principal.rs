@@ -48,26 +48,34 @@ pub fn kirchhoff<T: Real, const D: usize>(law: &impl Principal<T>, f: &Matrix<T,
     (spectral(&u, &tau, &u), law.stiffness(&sigma, plastic))
 }
 
-/// Moves F and the plastic state back to the yield surface, if they are beyond it, and gives what [`kirchhoff`] gives there: one
-/// decomposition serves both.
-pub fn flow<T: Real, L: Principal<T>, const D: usize>(
-    law: &L,
-    f: &mut Matrix<T, D>,
-    plastic: &mut T,
-) -> (Matrix<T, D>, T) {
-    let Svd { u, sigma, v } = svd(f);
-    let trial = clamped(&sigma);
-    let returned = law.return_map(&trial, *plastic);
-    let (after, state) = returned.unwrap_or((trial, *plastic));
-    if L::PLASTIC && after != sigma {
-        *f = spectral(&u, &after, &v);
+/// A state on or inside the yield surface, and what it does there.
+#[derive(Clone, Copy, Debug)]
+pub struct Flow<T, const D: usize> {
+    pub sigma: Vector<T, D>,
+    pub plastic: T,
+    /// Whether `sigma` is another than it was.
+    pub moved: bool,
+    /// Principal Kirchhoff stresses (Pa).
+    pub tau: Vector<T, D>,
+    /// ρ0 c² (Pa), see [`Principal::stiffness`].
+    pub stiffness: T,
+}
+
+/// Return map and stress for singular values as a decomposition gives them.
+pub fn flow<T: Real, L: Principal<T>, const D: usize>(law: &L, sigma: &Vector<T, D>, plastic: T) -> Flow<T, D> {
+    let trial = clamped(sigma);
+    let (after, state) = law.return_map(&trial, plastic).unwrap_or((trial, plastic));
+    Flow {
+        sigma: after,
+        plastic: state,
+        moved: L::PLASTIC && after != *sigma,
+        tau: law.kirchhoff(&after, state),
+        stiffness: law.stiffness(&after, state),
     }
-    *plastic = state;
-    (spectral(&u, &law.kirchhoff(&after, state), &u), law.stiffness(&after, state))
 }
 
 /// U diag(values) Vᵀ.
-fn spectral<T: Real, const D: usize>(u: &Matrix<T, D>, values: &Vector<T, D>, v: &Matrix<T, D>) -> Matrix<T, D> {
+pub fn spectral<T: Real, const D: usize>(u: &Matrix<T, D>, values: &Vector<T, D>, v: &Matrix<T, D>) -> Matrix<T, D> {
     let mut scaled = *u;
     for i in 0..D {
         for k in 0..D {
