@@ -46,7 +46,7 @@ fn shared_structs_agree() {
         max_demand, isolated, finished, groups);
     twin!(m, Body: mass, volume, material, demand);
     twin!(m, Material: model, a, b, c, d, e, spare0, spare1);
-    twin!(m, SdfOp: r0, r1, r2, size, code);
+    twin!(m, SdfOp: r0, r1, r2, size, code, grid);
     twin!(m, Collider: first, count, kind, friction);
     twin!(m, Pose: r0, r1, r2, linear, angular, center);
     twin!(m, Work: block, start, count, unused);

@@ -35,6 +35,16 @@ fn shapes() -> Vec<(&'static str, Value)> {
             json!({ "torus": { "center": [0, 0, 0], "axis": [1, 2, 2], "major_radius": 0.3, "minor_radius": 0.1 } }),
         ),
         ("half-space", json!({ "half-space": { "point": [0.1, 0, 0], "normal": [1, 2, 3] } })),
+        (
+            "heightfield",
+            json!({ "heightfield": { "min": [-0.4, -0.3], "max": [0.3, 0.4], "base": -0.25,
+                                     "heights": [[0.1, 0.3, -0.1], [0.2, 0.0, 0.1], [-0.2, 0.1, 0.3]] } }),
+        ),
+        (
+            "scaled heightfield",
+            json!({ "scale": { "factor": 0.7, "shape": { "heightfield": {
+                "min": [-0.4, -0.3], "max": [0.3, 0.4], "base": -0.25, "heights": [[0.1, 0.3], [0.2, 0.0]] } } } }),
+        ),
         ("union", json!({ "union": [ball, block] })),
         ("intersection", json!({ "intersection": [ball, block] })),
         ("difference", json!({ "difference": [ball, block] })),

@@ -10,6 +10,7 @@ use serde_json::json;
 
 use super::CliError;
 use super::device::DeviceArguments;
+use super::run::files_beside;
 use crate::backend::Devices;
 use crate::engine::{Backend, Control, EngineError};
 use crate::scene::estimate::{Estimate, Limit, estimate};
@@ -70,7 +71,7 @@ fn load(path: &Path, overrides: &[String]) -> Result<Result<Problem, Vec<Fault>>
         if path == Path::new("-") { std::io::read_to_string(std::io::stdin()) } else { std::fs::read_to_string(path) };
     let text = text.map_err(|e| CliError::BadInput(format!("cannot read {}: {e}", name(path))))?;
     let scene = scene::parse_with(&text, overrides);
-    Ok(scene.and_then(|scene| scene::problem(&scene, &Limits::default())))
+    Ok(scene.and_then(|scene| scene::problem_with(&scene, &Limits::default(), &files_beside(path))))
 }
 
 fn name(path: &Path) -> String {

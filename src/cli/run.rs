@@ -14,6 +14,7 @@ use super::{CliError, interrupt};
 use crate::backend::Devices;
 use crate::engine::{Backend, Control, EngineError};
 use crate::run::{self, FrameReport, Observer, Outputs, RunError};
+use crate::scene::assets::LocalFiles;
 use crate::scene::{self, Limits, Scene};
 use crate::sim::problem::Problem;
 
@@ -105,8 +106,15 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<(Scene, Problem), CliEr
         if path == Path::new("-") { std::io::read_to_string(std::io::stdin()) } else { std::fs::read_to_string(path) };
     let text = text.map_err(|error| CliError::BadInput(format!("cannot read {name}: {error}")))?;
     let scene = scene::parse_with(&text, overrides);
-    let judged = scene.and_then(|scene| scene::problem(&scene, &Limits::default()).map(|problem| (scene, problem)));
+    let files = files_beside(path);
+    let judged =
+        scene.and_then(|scene| scene::problem_with(&scene, &Limits::default(), &files).map(|problem| (scene, problem)));
     judged.map_err(|faults| CliError::Faults { scene: name, faults })
+}
+
+/// The files that a scene may name: those in its folder, or in the current one if it comes from standard input.
+pub fn files_beside(scene: &Path) -> LocalFiles {
+    LocalFiles { folder: scene.parent().map(Path::to_owned).unwrap_or_default() }
 }
 
 fn default_output(scene: &Path) -> PathBuf {

@@ -131,12 +131,12 @@ fn position<const D: usize>(problem: &Problem, node: [i32; D], shift: f64) -> [f
     x
 }
 
-/// Colliders that may reach a node of the block. Distances change by at most the way gone, so the block's middle tells.
+/// Colliders that may reach a node of the block. Distances change by at most the way gone (and a slack of sampled shapes), so the block's middle tells.
 fn colliders_near<'a, const D: usize>(problem: &'a Problem, corner: &[i32; D], time_s: f64) -> Vec<&'a Collider> {
     let middle = position(problem, corner.map(|c| BLOCK * c + BLOCK / 2), 0.0);
     // Nodes lie within 2¼ cells of the middle on every axis.
     let reach = 2.25 * (D as f64).sqrt() * problem.dx;
-    problem.colliders.iter().filter(|c| c.distance(middle, time_s) <= reach).collect()
+    problem.colliders.iter().filter(|c| c.distance(middle, time_s) <= reach + c.sdf.slack()).collect()
 }
 
 fn collide<T: Real, const D: usize>(

@@ -23,11 +23,12 @@ pub struct Sizes {
     pub bodies: usize,
     pub materials: usize,
     pub sdf_ops: usize,
+    pub sdf_samples: usize,
     pub colliders: usize,
 }
 
 impl Sizes {
-    /// Bytes by binding 1…24, in order.
+    /// Bytes by binding 1…25, in order.
     fn bytes(&self) -> [(&'static str, usize); STORAGE_BUFFERS as usize] {
         let grid = self.capacity * self.grids * BLOCK_NODES * NODE_CHANNELS * 4;
         let particles = self.particles;
@@ -56,6 +57,7 @@ impl Sizes {
             ("sdf_ops", self.sdf_ops.max(1) * size_of::<layout::SdfOp>()),
             ("colliders", self.colliders.max(1) * size_of::<layout::Collider>()),
             ("poses", (self.colliders.max(1) * CHUNK_STEPS) * size_of::<layout::Pose>()),
+            ("sdf_samples", self.sdf_samples.max(1) * 4),
         ]
     }
 
@@ -108,6 +110,7 @@ pub mod binding {
     pub const SDF_OPS: usize = 22;
     pub const COLLIDERS: usize = 23;
     pub const POSES: usize = 24;
+    pub const SDF_SAMPLES: usize = 25;
 }
 
 /// First bindings of the `_in`/`_out` pairs.

@@ -79,7 +79,7 @@ impl GpuEngine {
         supports(problem).map_err(EngineError::Unsupported)?;
         let frame = Frame::new(problem);
         let data = frame.data(&problem.particles)?;
-        let (sdf_ops, colliders) = upload::colliders(problem);
+        let (sdf_ops, sdf_samples, colliders) = upload::colliders(problem);
         let sizes = Sizes {
             particles: problem.particles.len(),
             table: frame.table_len(),
@@ -90,6 +90,7 @@ impl GpuEngine {
             bodies: problem.bodies.len(),
             materials: problem.materials.len(),
             sdf_ops: sdf_ops.len(),
+            sdf_samples: sdf_samples.len(),
             colliders: colliders.len(),
         };
         let buffers = Buffers::new(&gpu, sizes)?;
@@ -101,6 +102,7 @@ impl GpuEngine {
         write(binding::BODIES, bytemuck::cast_slice(&upload::bodies(problem)));
         write(binding::MATERIALS, bytemuck::cast_slice(&upload::materials(problem)));
         write(binding::SDF_OPS, bytemuck::cast_slice(&sdf_ops));
+        write(binding::SDF_SAMPLES, bytemuck::cast_slice(&sdf_samples));
         write(binding::COLLIDERS, bytemuck::cast_slice(&colliders));
         let pipelines = gpu.pipelines(Variant::of(problem))?;
         let backend = gpu.backend(reason);

@@ -76,6 +76,7 @@ fn ask(gpu: &Gpu, materials: &[Material], states: &[State]) -> Vec<Answer> {
         bodies: one,
         materials: materials.len(),
         sdf_ops: 0,
+        sdf_samples: 0,
         colliders: 0,
     };
     let buffers = Buffers::new(gpu, sizes).unwrap();

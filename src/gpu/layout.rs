@@ -117,6 +117,7 @@ pub struct SdfOp {
     pub r2: [f32; 4],
     pub size: [f32; 3],
     pub code: u32,
+    pub grid: [u32; 4],
 }
 
 #[repr(C)]

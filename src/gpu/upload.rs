@@ -254,10 +254,9 @@ pub fn material(material: &Material) -> layout::Material {
     layout::Material { model, a, b, c, d, e, ..layout::Material::default() }
 }
 
-/// Signed distance programs and colliders, in coordinates relative to `domain.min`.
-pub fn colliders(problem: &Problem) -> (Vec<layout::SdfOp>, Vec<layout::Collider>) {
-    let mut ops = Vec::new();
-    let mut out = Vec::new();
+/// Signed distance programs, the samples of their fields, and colliders, in coordinates relative to `domain.min`.
+pub fn colliders(problem: &Problem) -> (Vec<layout::SdfOp>, Vec<f32>, Vec<layout::Collider>) {
+    let (mut ops, mut samples, mut out) = (Vec::new(), Vec::new(), Vec::new());
     for c in &problem.colliders {
         out.push(layout::Collider {
             first: ops.len() as u32,
@@ -265,34 +264,44 @@ pub fn colliders(problem: &Problem) -> (Vec<layout::SdfOp>, Vec<layout::Collider
             kind: contact_code(c.contact),
             friction: c.contact.friction as f32,
         });
-        ops.extend(c.sdf.ops.iter().map(|op| sdf_op(op, problem.origin)));
+        ops.extend(c.sdf.ops.iter().map(|op| sdf_op(op, problem.origin, &mut samples)));
     }
-    (ops, out)
+    (ops, samples, out)
 }
 
-fn sdf_op(op: &SdfOp, origin: [f64; 3]) -> layout::SdfOp {
+fn sdf_op(op: &SdfOp, origin: [f64; 3], samples: &mut Vec<f32>) -> layout::SdfOp {
     let plain = |code, size| layout::SdfOp { code, size, ..Default::default() };
-    match *op {
+    match op {
         SdfOp::Union => plain(16, [0.0; 3]),
         SdfOp::Intersection => plain(17, [0.0; 3]),
         SdfOp::Difference => plain(18, [0.0; 3]),
-        SdfOp::Shell(thickness) => plain(19, [thickness as f32, 0.0, 0.0]),
+        SdfOp::Shell(thickness) => plain(19, [*thickness as f32, 0.0, 0.0]),
         SdfOp::Primitive { primitive, rotation: r, translation: t } => {
-            let (code, size) = match primitive {
-                Primitive::Box(half) => (0, half.map(|h| h as f32)),
-                Primitive::Sphere(radius) => (1, [radius as f32, 0.0, 0.0]),
-                Primitive::Cylinder(radius, half_height) => (2, [radius as f32, half_height as f32, 0.0]),
-                Primitive::Torus(major, minor) => (3, [major as f32, minor as f32, 0.0]),
+            let small = |x: [f64; 3]| x.map(|x| x as f32);
+            // Local coordinates start at `corner` and count in `unit`s.
+            let (mut corner, mut unit, mut grid) = ([0.0; 3], 1.0, [0; 4]);
+            let (code, size) = match *primitive {
+                Primitive::Box(half) => (0, small(half)),
+                Primitive::Sphere(radius) => (1, small([radius, 0.0, 0.0])),
+                Primitive::Cylinder(radius, half_height) => (2, small([radius, half_height, 0.0])),
+                Primitive::Torus(major, minor) => (3, small([major, minor, 0.0])),
                 Primitive::HalfSpace => (4, [0.0; 3]),
-                Primitive::Capsule(radius, half) => (5, [radius as f32, half as f32, 0.0]),
-                Primitive::Cone(base, top, half) => (6, [base as f32, top as f32, half as f32]),
+                Primitive::Capsule(radius, half) => (5, small([radius, half, 0.0])),
+                Primitive::Cone(base, top, half) => (6, small([base, top, half])),
+                Primitive::Grid(ref field, scale) => {
+                    (corner, unit) = (field.origin.map(|x| scale * x), scale * field.spacing);
+                    let [x, y, z] = field.size.map(|n| n as u32);
+                    grid = [samples.len() as u32, x, y, z];
+                    samples.extend(field.samples.iter().map(|d| (scale * f64::from(*d)) as f32));
+                    (7, small([unit, 0.0, 0.0]))
+                }
             };
-            // local = R (x + origin - t) for x relative to the domain.
+            // local = (R (x + origin - t) - corner) / unit for x relative to the domain.
             let row = |i: usize| {
-                let w: f64 = (0..3).map(|a| r[3 * i + a] * (origin[a] - t[a])).sum();
-                [r[3 * i] as f32, r[3 * i + 1] as f32, r[3 * i + 2] as f32, w as f32]
+                let w = (0..3).map(|a| r[3 * i + a] * (origin[a] - t[a])).sum::<f64>() - corner[i];
+                [r[3 * i], r[3 * i + 1], r[3 * i + 2], w].map(|x| (x / unit) as f32)
             };
-            layout::SdfOp { r0: row(0), r1: row(1), r2: row(2), size, code }
+            layout::SdfOp { r0: row(0), r1: row(1), r2: row(2), size, code, grid }
         }
     }
 }

@@ -101,6 +101,28 @@ pub struct Failure {
     pub message: String,
 }
 
+/// A file that scenes can name.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Asset {
+    /// `sha256:` and the 64 hexadecimal digits of the SHA-256 of its bytes.
+    pub id: String,
+    pub bytes: u64,
+    /// `stl`, `obj`, `ply`, `gltf` or `npz`.
+    pub kind: String,
+}
+
+impl From<store::Asset> for Asset {
+    fn from(asset: store::Asset) -> Self {
+        Self { id: asset.id, bytes: asset.bytes, kind: asset.kind }
+    }
+}
+
+/// All assets.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct AssetList {
+    pub assets: Vec<Asset>,
+}
+
 /// Which jobs to list.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]

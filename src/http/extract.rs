@@ -27,16 +27,31 @@ impl<T: DeserializeOwned> FromRequest<Api> for JsonBody<T> {
 
     async fn from_request(request: Request, api: &Api) -> Result<Self, Problem> {
         let (parts, body) = request.into_parts();
-        let within = api.config.body_timeout;
-        let bytes = timeout(within, read(body, api.config.max_body_bytes)).await.unwrap_or_else(|_| {
-            let detail = format!("the body did not arrive within {} s", within.as_secs_f64());
-            Err(Problem::new(Code::RequestTimeout, detail))
-        })?;
+        let bytes = read_in_time(body, api.config.max_body_bytes, api).await?;
         match axum::Json::from_request(Request::from_parts(parts, bytes.into()), api).await {
             Ok(axum::Json(value)) => Ok(Self(value)),
             Err(rejection) => Err(json_problem(&rejection)),
         }
     }
+}
+
+/// The bytes of an upload.
+pub struct AssetBody(pub Vec<u8>);
+
+impl FromRequest<Api> for AssetBody {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, api: &Api) -> Result<Self, Problem> {
+        read_in_time(request.into_body(), api.config.max_asset_bytes, api).await.map(Self)
+    }
+}
+
+async fn read_in_time(body: Body, max: usize, api: &Api) -> Result<Vec<u8>, Problem> {
+    let within = api.config.body_timeout;
+    timeout(within, read(body, max)).await.unwrap_or_else(|_| {
+        let detail = format!("the body did not arrive within {} s", within.as_secs_f64());
+        Err(Problem::new(Code::RequestTimeout, detail))
+    })
 }
 
 /// Reads a body of at most `max` bytes.
@@ -91,6 +106,25 @@ impl FromRequestParts<Api> for JobId {
                 Err(Problem::new(Code::InvalidPath, format!("a job id is a UUID: {}", error.body_text())))
             }
             Err(other) => Err(Problem::new(Code::InvalidPath, other.to_string())),
+        }
+    }
+}
+
+/// The `{id}` of an asset in the path.
+pub struct AssetId(pub String);
+
+impl FromRequestParts<Api> for AssetId {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, api: &Api) -> Result<Self, Problem> {
+        let form = |detail: String| Problem::new(Code::InvalidPath, detail);
+        let path = axum::extract::Path::<String>::from_request_parts(parts, api).await;
+        let axum::extract::Path(id) = path.map_err(|rejection| form(rejection.to_string()))?;
+        let hex = id.strip_prefix("sha256:").unwrap_or_default();
+        if hex.len() == 64 && hex.bytes().all(|byte| byte.is_ascii_hexdigit()) {
+            Ok(Self(id))
+        } else {
+            Err(form("an asset id is `sha256:` and 64 hexadecimal digits".into()))
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The HTTP API. `router` has all of it on one page.
 
+mod assets;
 mod dto;
 mod extract;
 mod health;

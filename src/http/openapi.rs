@@ -27,6 +27,7 @@ pub const PROBLEM: &str = "application/problem+json";
         (name = "jobs", description = "Scenes to be run, running and run"),
         (name = "outputs", description = "What jobs produce"),
         (name = "scenes", description = "What can be run"),
+        (name = "assets", description = "Files that scenes name"),
         (name = "health", description = "For operators"),
         (name = "meta", description = "The API itself"),
     ),
@@ -51,9 +52,9 @@ pub async fn openapi() -> Json<Document> {
 
 /// Adds to each operation the problems that follow from its form, and descriptions where handlers gave none.
 pub(super) fn complete(document: &mut Document) {
-    for item in document.paths.paths.values_mut() {
+    for (path, item) in &mut document.paths.paths {
         for operation in [&mut item.get, &mut item.post, &mut item.put, &mut item.delete].into_iter().flatten() {
-            for (status, codes) in common_problems(operation) {
+            for (status, codes) in common_problems(path, operation) {
                 operation.responses.responses.entry(status.to_owned()).or_insert_with(|| problem(&codes));
             }
             for response in operation.responses.responses.values_mut() {
@@ -68,24 +69,29 @@ pub(super) fn complete(document: &mut Document) {
 }
 
 /// Codes by status that any operation of this form may answer with.
-fn common_problems(operation: &Operation) -> BTreeMap<&'static str, Vec<&'static str>> {
+fn common_problems(path: &str, operation: &Operation) -> BTreeMap<&'static str, Vec<&'static str>> {
     let takes = |kind: ParameterIn| {
         let mut parameters = operation.parameters.iter().flatten();
         parameters.any(|parameter| matches!(parameter, RefOr::T(parameter) if parameter.parameter_in == kind))
     };
     let mut problems = BTreeMap::from([("500", vec!["internal"]), ("503", vec!["overloaded"])]);
+    let assets = path.starts_with("/v1/assets");
     let mut add = |status, codes: &[&'static str]| problems.entry(status).or_insert_with(Vec::new).extend(codes);
     if takes(ParameterIn::Path) {
         add("400", &["invalid_path"]);
-        add("404", &["job_not_found"]);
+        add("404", if assets { &["asset_not_found"] } else { &["job_not_found"] });
     }
     if takes(ParameterIn::Query) {
         add("400", &["invalid_query"]);
     }
     if operation.request_body.is_some() {
-        add("400", &["invalid_json", "invalid_body"]);
         add("408", &["request_timeout"]);
         add("413", &["body_too_large"]);
+    }
+    if operation.request_body.is_some() && assets {
+        add("400", &["invalid_body"]);
+    } else if operation.request_body.is_some() {
+        add("400", &["invalid_json", "invalid_body"]);
         add("415", &["unsupported_media_type"]);
         add("422", &["invalid_scene"]);
     }

@@ -172,16 +172,16 @@ fn found<T>(result: io::Result<T>) -> io::Result<Option<T>> {
 }
 
 /// A file as the answer to a `GET` or `HEAD`.
-struct FileAnswer<'a> {
-    path: &'a Path,
-    content_type: &'static str,
+pub(super) struct FileAnswer<'a> {
+    pub path: &'a Path,
+    pub content_type: &'static str,
     /// Name under which browsers save it.
-    download: Option<&'a str>,
+    pub download: Option<&'a str>,
 }
 
 impl FileAnswer<'_> {
     /// None when there is no such file.
-    async fn send(&self, method: &Method, request: &HeaderMap) -> Result<Option<Response>, Problem> {
+    pub async fn send(&self, method: &Method, request: &HeaderMap) -> Result<Option<Response>, Problem> {
         let Some(mut file) = found(File::open(self.path).await)? else { return Ok(None) };
         let metadata = file.metadata().await?;
         let length = metadata.len();

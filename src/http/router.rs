@@ -12,7 +12,7 @@ use utoipa_axum::routes;
 
 use super::openapi::{self, Description};
 use super::state::Api;
-use super::{health, index, jobs, layers, metrics, outputs, scenes};
+use super::{assets, health, index, jobs, layers, metrics, outputs, scenes};
 
 /// All routes of the API, and their OpenAPI document.
 pub(super) fn routes() -> (Router<Api>, Document) {
@@ -30,6 +30,9 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         .routes(for_viewers(routes!(outputs::thumbnail)))
         // /v1/scenes:validate
         .routes(routes!(scenes::validate))
+        // /v1/assets, /v1/assets/{id}
+        .routes(routes!(assets::put, assets::list))
+        .routes(routes!(assets::get))
         // /v1/schema/scene
         .routes(routes!(scenes::schema))
         // /livez, /readyz, /metrics

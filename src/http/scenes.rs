@@ -4,6 +4,7 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::header;
 use axum::response::IntoResponse;
+use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::timeout;
 
 use super::dto::{self, SubmitJob, ValidScene};
@@ -29,25 +30,27 @@ pub async fn validate(
     Ok(Json(ValidScene { valid: true, estimate: estimate.into() }))
 }
 
+/// Waits for the right to judge something: a bounded number at a time.
+pub async fn permit(api: &Api) -> Result<OwnedSemaphorePermit, Problem> {
+    match timeout(api.config.validation_wait, api.validations.clone().acquire_owned()).await {
+        Ok(permit) => permit.map_err(internal),
+        Err(_) => Err(Problem::new(Code::Overloaded, "too many scenes wait to be judged").retry_after(10)),
+    }
+}
+
 /// Judges the scene of a request beside the runtime, a bounded number at a time, and passes what can run to `with`.
 pub async fn judge<T: Send + 'static>(
     api: &Api,
     request: SubmitJob,
     with: impl FnOnce(Admitted) -> T + Send + 'static,
 ) -> Result<T, Problem> {
-    let waiting = timeout(api.config.validation_wait, api.validations.clone().acquire_owned());
-    let permit = match waiting.await {
-        Ok(permit) => permit.map_err(internal)?,
-        Err(_) => {
-            return Err(Problem::new(Code::Overloaded, "too many scenes wait to be judged").retry_after(10));
-        }
-    };
-    let limits = api.config.limits;
+    let permit = permit(api).await?;
+    let (limits, assets) = (api.config.limits, api.data.assets());
     let judged = tokio::task::spawn_blocking(move || {
         // Held here, not by the request: a client that goes away does not make the work cheaper.
         let _permit = permit;
         let overrides: Vec<String> = request.overrides.iter().map(|(path, value)| format!("{path}={value}")).collect();
-        admit(request.scene, &overrides, &limits).map(with)
+        admit(request.scene, &overrides, &limits, &assets).map(with)
     });
     judged.await.map_err(internal)?.map_err(Problem::invalid_scene)
 }

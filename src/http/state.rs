@@ -15,6 +15,8 @@ use crate::store::{DataDir, JobStore};
 pub struct Config {
     /// Largest request body (bytes).
     pub max_body_bytes: usize,
+    /// Largest upload (bytes).
+    pub max_asset_bytes: usize,
     /// How long a request body may take to arrive.
     pub body_timeout: Duration,
     /// How long a request may take to be answered, the body of the answer aside.
@@ -32,6 +34,7 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             max_body_bytes: 8 << 20,
+            max_asset_bytes: 64 << 20,
             body_timeout: Duration::from_secs(30),
             handler_timeout: Duration::from_secs(120),
             max_queued: 1000,

@@ -2,6 +2,7 @@
 
 use serde_json::Value;
 
+use crate::scene::assets::Assets;
 use crate::scene::{self, Fault, Limits, Scene, overrides};
 use crate::sim::problem::Problem;
 
@@ -14,13 +15,18 @@ pub struct Admitted {
 }
 
 /// Applies `overrides` (each `path=value`) to a scene document and judges the result.
-pub fn admit(mut document: Value, overrides: &[String], limits: &Limits) -> Result<Admitted, Vec<Fault>> {
+pub fn admit(
+    mut document: Value,
+    overrides: &[String],
+    limits: &Limits,
+    assets: &dyn Assets,
+) -> Result<Admitted, Vec<Fault>> {
     let faults: Vec<Fault> =
         overrides.iter().filter_map(|assignment| overrides::apply(&mut document, assignment).err()).collect();
     if !faults.is_empty() {
         return Err(faults);
     }
     let scene = scene::from_value(&document)?;
-    let problem = scene::problem(&scene, limits)?;
+    let problem = scene::problem_with(&scene, limits, assets)?;
     Ok(Admitted { document: document.to_string(), scene, problem })
 }

@@ -102,7 +102,7 @@ fn execute(
 ) -> Result<(), Stop> {
     files.reset().map_err(|error| Stop::Failed(Failure::new("output", format!("no room for outputs: {error}"))))?;
     let scene = scene::parse(&claim.scene)?;
-    let problem = scene::problem(&scene, &context.limits)?;
+    let problem = scene::problem_with(&scene, &context.limits, &context.data.assets())?;
     let mut engine = source.engine(&problem)?;
     let noted = context.store.set_backend(claim.id, claim.attempt, engine.backend());
     if let Err(error) = context.runtime.block_on(noted) {

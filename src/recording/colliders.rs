@@ -118,7 +118,7 @@ fn draw(problem: &Problem, sdf: &Sdf, entity: &mut SceneEntity) {
                     color,
                 });
             }
-            Primitive::Capsule(..) | Primitive::Torus(..) | Primitive::HalfSpace => {}
+            Primitive::Capsule(..) | Primitive::Torus(..) | Primitive::HalfSpace | Primitive::Grid(..) => {}
         }
     }
     let [domain_lower, domain_upper] = domain_box(problem);

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::sampling::Lattice;
-use super::schema::{self, Boundary, ContactKind, Material, Sampling, Scene, Transfer};
+use super::schema::{self, Boundary, ContactKind, Material, Sampling, Scene, Shape, Transfer};
 use super::solid::{sdf, vector3};
 use crate::material::initial_plastic_state;
 use crate::sim::collider::{Collider, Motion, Sdf, rotate};
@@ -16,7 +16,7 @@ pub(super) fn cells(domain: &schema::Domain, dimension: usize) -> [f64; 3] {
     std::array::from_fn(|a| if a < dimension { (domain.max[a] - domain.min[a]) / domain.dx } else { 1.0 })
 }
 
-/// Particles per cell of a body, and how many that is along an axis: a whole number on a lattice, any for Poisson-disk points; none
+/// Particles per cell of a body, and how many that is along an axis: a whole number on a lattice, any for other points; none
 /// if the body's sampling cannot have so many.
 pub(super) fn particles_per_cell(body: &schema::Body, dimension: usize) -> (u32, Option<f64>) {
     let per_cell = body.particles_per_cell.unwrap_or(1 << dimension);
@@ -26,7 +26,7 @@ pub(super) fn particles_per_cell(body: &schema::Body, dimension: usize) -> (u32,
         true => f64::from(whole),
         false => root,
     };
-    let fits = per_axis == f64::from(whole) || body.sampling == Sampling::PoissonDisk;
+    let fits = per_axis == f64::from(whole) || body.sampling == Sampling::PoissonDisk || body.shape.is_none();
     (per_cell, (per_cell > 0 && fits).then_some(per_axis))
 }
 
@@ -118,21 +118,44 @@ fn spin(w: &[f64]) -> [f64; 3] {
     if let [w] = w { [0.0, 0.0, *w] } else { vector3(w) }
 }
 
-/// Samples a body and sets v_p = v + (Ω + G)(x_p - c) and B_p = (Ω + G) D(x_p), c the centroid of its particles.
-fn add_body(problem: &mut Problem, scene: &Scene, body: &schema::Body, index: usize, material: usize) {
-    let (d, dx, origin) = (problem.dimension, problem.dx, problem.origin);
+/// Samples a shape: positions, and the volume of one particle (m^d).
+fn fill(problem: &Problem, scene: &Scene, body: &schema::Body, index: usize, shape: &Shape) -> (Vec<[f64; 3]>, f64) {
+    let d = problem.dimension;
     let (per_cell, per_axis) = particles_per_cell(body, d);
     let per_axis = per_axis.expect("a valid scene");
-    let sdf = sdf(&body.shape, d);
+    let sdf = sdf(shape, d);
     let points = |per_axis: f64| lattice(&scene.domain, per_axis, &sdf, d).clipped(problem.cells, per_axis);
     let x = points(per_axis).sample(&sdf, body.sampling, scene.seed, index as u64);
+    let volume0 = match body.sampling {
+        Sampling::Regular | Sampling::Jittered => problem.dx.powi(d as i32) / f64::from(per_cell),
+        Sampling::PoissonDisk => points(per_axis.ceil()).volume(&sdf) / x.len().max(1) as f64,
+    };
+    (x, volume0)
+}
+
+/// Adds a body with v_p = v + (Ω + G)(x_p - c) and B_p = (Ω + G) D(x_p), c the centroid of its particles; velocities and deformations
+/// of a file are added to that.
+fn add_body(problem: &mut Problem, scene: &Scene, body: &schema::Body, index: usize, material: usize) {
+    let (d, dx, origin) = (problem.dimension, problem.dx, problem.origin);
+    let read = body.points.as_ref().and_then(|points| points.read.as_deref());
+    let (x, volume0) = match (&body.shape, read) {
+        (Some(shape), _) => fill(problem, scene, body, index, shape),
+        (None, Some(read)) => {
+            let share = dx.powi(d as i32) / f64::from(particles_per_cell(body, d).0);
+            (read.x.clone(), read.volume.unwrap_or(share))
+        }
+        (None, None) => unreachable!("a valid scene's body has a shape or points"),
+    };
 
     let centroid = mean(&x);
     let velocity = body.velocity.as_deref().map_or([0.0; 3], vector3);
     let c = velocity_gradient(body);
+    let own = read.and_then(|read| read.v.as_ref());
     let v: Vec<[f64; 3]> = x
         .par_iter()
-        .map(|x| {
+        .enumerate()
+        .map(|(n, x)| {
+            let velocity = own.map_or(velocity, |own| std::array::from_fn(|a| velocity[a] + own[n][a]));
             let turn = rotate(&c, [x[0] - centroid[0], x[1] - centroid[1], x[2] - centroid[2]]);
             [velocity[0] + turn[0], velocity[1] + turn[1], velocity[2] + turn[2]]
         })
@@ -150,13 +173,12 @@ fn add_body(problem: &mut Problem, scene: &Scene, body: &schema::Body, index: us
         .collect();
 
     let material_law = &problem.materials[material];
-    let volume0 = match body.sampling {
-        Sampling::Regular | Sampling::Jittered => dx.powi(d as i32) / f64::from(per_cell),
-        Sampling::PoissonDisk => points(per_axis.ceil()).volume(&sdf) / x.len().max(1) as f64,
-    };
     let particles = &mut problem.particles;
     let start = particles.len();
-    particles.f.resize(start + x.len(), deformation(body, material_law, d));
+    match read.and_then(|read| read.f.as_ref()) {
+        Some(f) => particles.f.extend(f.iter().map(|f| deformation(*f, None, material_law, d))),
+        None => particles.f.resize(start + x.len(), deformation(given_deformation(body), body.j, material_law, d)),
+    }
     particles.plastic.resize(start + x.len(), initial_plastic_state(material_law));
     particles.body.resize(start + x.len(), index as u32);
     particles.x.extend(x);
@@ -190,17 +212,22 @@ fn velocity_gradient(body: &schema::Body) -> [f64; 9] {
     c
 }
 
-/// Initial F; a fluid keeps only the volume ratio of it.
-fn deformation(body: &schema::Body, material: &Material, dimension: usize) -> [f64; 9] {
+/// The deformation gradient of the document.
+fn given_deformation(body: &schema::Body) -> [f64; 9] {
     let mut f = IDENTITY;
     for (i, row) in body.deformation_gradient.iter().flatten().enumerate() {
         for (j, value) in row.iter().enumerate() {
             f[3 * i + j] = *value;
         }
     }
+    f
+}
+
+/// Initial F, or that of the volume ratio if one is given; a fluid keeps only the volume ratio.
+fn deformation(mut f: [f64; 9], j: Option<f64>, material: &Material, dimension: usize) -> [f64; 9] {
     let volume_ratio = match material {
-        Material::WeaklyCompressibleFluid(_) => Some(body.j.unwrap_or(determinant(&f))),
-        _ => body.j,
+        Material::WeaklyCompressibleFluid(_) => Some(j.unwrap_or(determinant(&f))),
+        _ => j,
     };
     if let Some(j) = volume_ratio {
         let stretch = j.powf(1.0 / dimension as f64);

@@ -1,13 +1,18 @@
 //! Scenes: the versioned JSON that users write, its faults, and its way to a [`crate::sim::problem::Problem`].
 //!
-//! A document passes through `document` (syntax), `structure` (types and fields), `validate` (meaning) and `build` (sampling).
+//! A document passes through `document` (syntax), `structure` (types and fields), `resolve` (files, sampled shapes), `validate`
+//! (meaning) and `build` (sampling).
 
+pub mod assets;
 mod build;
 mod document;
 pub mod estimate;
 mod fault;
+mod mesh;
 pub mod overrides;
+pub mod points;
 mod poisson;
+mod resolve;
 mod sampling;
 pub mod schema;
 mod solid;
@@ -15,6 +20,7 @@ mod structure;
 mod suggest;
 mod validate;
 mod validate_material;
+mod validate_points;
 mod validate_shape;
 
 pub use fault::Fault;
@@ -24,6 +30,7 @@ use serde_json::Value;
 
 use crate::sim::problem::Problem;
 use crate::sim::timestep::{initial_extremes, plan_frame};
+use assets::{Assets, NoAssets};
 use fault::Faults;
 
 /// What a scene may ask for at most.
@@ -88,19 +95,30 @@ pub fn from_value(document: &Value) -> Result<Scene, Vec<Fault>> {
     Err(faults.into_vec())
 }
 
-/// Judges what a scene means, as far as that can be told without making particles: all but the number of steps.
+/// Judges what a scene that names no files means, as far as that can be told without making particles: all but the number of steps.
 pub fn check(scene: &Scene, limits: &Limits) -> Result<(), Vec<Fault>> {
-    let mut faults = Faults::default();
-    validate::check(scene, limits, &mut faults);
-    if faults.is_empty() { Ok(()) } else { Err(faults.into_vec()) }
+    resolved(scene, limits, &NoAssets).map(drop)
 }
 
-/// Judges what a scene means and makes it ready to run. Nothing is allocated before particles and memory are known to be in the
-/// limits.
-pub fn problem(scene: &Scene, limits: &Limits) -> Result<Problem, Vec<Fault>> {
-    check(scene, limits)?;
+/// The scene with its files read and its shapes sampled, if it has no fault that can be told without making particles.
+fn resolved(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Result<Scene, Vec<Fault>> {
     let mut faults = Faults::default();
-    let problem = build::build(scene);
+    let scene = resolve::resolve(scene, limits, assets, &mut faults);
+    validate::check(&scene, limits, &mut faults);
+    if faults.is_empty() { Ok(scene) } else { Err(faults.into_vec()) }
+}
+
+/// [`problem_with`] for a scene that names no files.
+pub fn problem(scene: &Scene, limits: &Limits) -> Result<Problem, Vec<Fault>> {
+    problem_with(scene, limits, &NoAssets)
+}
+
+/// Judges what a scene means and makes it ready to run, with `assets` for the files that it names. Nothing is allocated before
+/// particles and memory are known to be in the limits.
+pub fn problem_with(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Result<Problem, Vec<Fault>> {
+    let scene = resolved(scene, limits, assets)?;
+    let mut faults = Faults::default();
+    let problem = build::build(&scene);
     for (n, body) in problem.bodies.iter().enumerate() {
         if body.particles.is_empty() {
             let at = format!("/bodies/{n}/shape");

@@ -127,7 +127,7 @@ impl Darts {
             if a < self.dimension { self.origin[a] + middle * self.radius } else { 0.0 }
         });
         let reach = (0..self.dimension).map(|a| f64::from(extent[a]).powi(2)).sum::<f64>().sqrt() * 0.5;
-        if extent.contains(&0) || sdf.distance(middle) > (reach + 1.0) * self.radius {
+        if extent.contains(&0) || sdf.distance(middle) > (reach + 1.0) * self.radius + sdf.slack() {
             return true;
         }
         if extent == [1; 3] {

@@ -133,7 +133,8 @@ impl Lattice {
         let extent: [f64; 3] = std::array::from_fn(|a| (block[a].end - block[a].start) as f64);
         let corner = [block[0].start, block[1].start, block[2].start];
         let center = self.point(corner, extent.map(|e| 0.5 * e));
-        let reach = (0..self.dimension).map(|a| extent[a] * extent[a]).sum::<f64>().sqrt() * 0.5 * self.spacing;
+        let half = (0..self.dimension).map(|a| extent[a] * extent[a]).sum::<f64>().sqrt() * 0.5;
+        let reach = half * self.spacing + sdf.slack();
         let tie = TIE * self.spacing;
         match sdf.distance(center) {
             d if d > reach - tie => Side::Outside,

@@ -8,6 +8,7 @@ mod material;
 pub use material::{DruckerPrager, Elastic, Elasticity, Fluid, Material, Nacc, Snow, VonMises};
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -104,14 +105,17 @@ pub enum ContactKind {
     Separate,
 }
 
-/// A shape filled with particles of one material.
+/// Particles of one material: a shape filled with them, or points from a file. Give one of `shape` and `points`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Body {
     pub name: String,
     /// Name of an entry of `materials`.
     pub material: String,
-    pub shape: Shape,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shape: Option<Shape>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub points: Option<Points>,
     /// Particles per cell, a d-th power of a whole number unless the sampling is `poisson-disk`; 8 by default (2D: 4).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub particles_per_cell: Option<u32>,
@@ -132,6 +136,22 @@ pub struct Body {
     /// Initial volume ratio.
     #[serde(rename = "J", default, skip_serializing_if = "Option::is_none")]
     pub j: Option<f64>,
+}
+
+/// Particles from a PLY (x, y, z; vx, vy, vz if it has them) or an npz (`x` n × d; `v` n × d, `F` n × d × d and `volume` if it has
+/// them). Give one of `asset` and `file`. Without a volume, each has that of a cell shared by `particles_per_cell`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Points {
+    /// Id of an asset that was uploaded to the server: `sha256:` and 64 hexadecimal digits.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub asset: Option<String>,
+    /// Path of a file, relative to the scene's; on the command line only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
+    /// What `scene::resolve` has read; no part of the document.
+    #[serde(skip)]
+    pub read: Option<Arc<super::points::Points>>,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -197,6 +217,30 @@ pub enum Shape {
         point: Vector,
         normal: Vector,
     },
+    /// The solid between a plane and a surface above it. 3D: over the rectangle from `min` to `max` (x, y), from z = `base` up to
+    /// `heights[j][i]`, i along x and j along y, evenly spaced. 2D: over the interval from `min` to `max` (x), from y = `base` up to
+    /// `heights[0][i]`.
+    Heightfield {
+        min: Vector,
+        max: Vector,
+        base: f64,
+        heights: Matrix,
+        #[serde(skip)]
+        field: Sampled,
+    },
+    /// A closed triangle mesh in metres, from an STL, OBJ, PLY or glTF (3D only). Give one of `asset` and `file`.
+    Mesh {
+        /// Id of an asset that was uploaded to the server: `sha256:` and 64 hexadecimal digits.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        asset: Option<String>,
+        /// Path of a file, relative to the scene's; on the command line only.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        file: Option<String>,
+        #[serde(default)]
+        fill: Fill,
+        #[serde(skip)]
+        field: Sampled,
+    },
     Union(Vec<Shape>),
     Intersection(Vec<Shape>),
     /// The first shape without all others.
@@ -227,6 +271,20 @@ pub enum Shape {
         shape: Box_,
     },
 }
+
+/// How a mesh tells inside from outside.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Fill {
+    /// It must be closed.
+    #[default]
+    Watertight,
+    /// It may have holes: inside is where the generalized winding number is above a half (Jacobson et al. 2013).
+    WindingNumber,
+}
+
+/// The signed distances of a shape that has no closed form, once `scene::resolve` has sampled them; no part of the document.
+pub type Sampled = Option<Arc<crate::sim::collider::Field>>;
 
 /// A shape inside a shape.
 pub type Box_ = std::boxed::Box<Shape>;

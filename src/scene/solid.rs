@@ -72,6 +72,11 @@ fn compile(shape: &Shape, frame: &Frame, dimension: usize, ops: &mut Vec<SdfOp>)
         Shape::HalfSpace { point, normal } => {
             ops.push(place(vector3(point), vector3(normal)).primitive(Primitive::HalfSpace));
         }
+        Shape::Heightfield { field, .. } | Shape::Mesh { field, .. } => {
+            // A shape that could not be sampled is refused, and here only counted.
+            let primitive = field.clone().map_or(Primitive::Sphere(0.0), |field| Primitive::Grid(field, 1.0));
+            ops.push(frame.primitive(primitive));
+        }
         Shape::Union(shapes) => combine(shapes, SdfOp::Union, frame, dimension, ops),
         Shape::Intersection(shapes) => combine(shapes, SdfOp::Intersection, frame, dimension, ops),
         Shape::Difference(shapes) => combine(shapes, SdfOp::Difference, frame, dimension, ops),
@@ -108,7 +113,7 @@ fn combine(shapes: &[Shape], op: SdfOp, frame: &Frame, dimension: usize, ops: &m
     for (n, operand) in operands.into_iter().enumerate() {
         ops.extend(operand);
         if n > 0 {
-            ops.push(op);
+            ops.push(op.clone());
         }
     }
 }

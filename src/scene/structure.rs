@@ -41,6 +41,11 @@ fn check_value(node: &'static Value, value: &Value, at: &str, faults: &mut Fault
         return check_variant(variants, value, at, faults);
     }
     if let Some(options) = node["anyOf"].as_array() {
+        let real: Vec<&Value> = options.iter().filter(|option| option["type"] != "null").collect();
+        if let ([only], false) = (real.as_slice(), value.is_null()) {
+            // A field that may be left out.
+            return check_value(only, value, at, faults);
+        }
         let fitting = options.iter().find(|option| accepts(resolve(option), value));
         return match fitting {
             Some(option) => check_value(option, value, at, faults),

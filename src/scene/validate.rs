@@ -9,10 +9,11 @@ use super::estimate;
 use super::fault::{Faults, join, plain};
 use super::poisson;
 use super::sampling::Lattice;
-use super::schema::{Body, Boundary, Collider, ContactKind, Domain, Output, Sampling, Scene, Solver, Time};
+use super::schema::{Body, Boundary, Collider, ContactKind, Domain, Output, Sampling, Scene, Shape, Solver, Time};
 use super::solid::{sdf, vector3};
 use super::suggest::{closest, list, quote};
 use super::validate_material::check_material;
+use super::validate_points::check_points;
 use super::validate_shape::check_shape;
 
 /// Frames of one run at most.
@@ -54,7 +55,7 @@ pub fn check(scene: &Scene, limits: &Limits, faults: &mut Faults) {
 }
 
 pub(super) struct Check<'a> {
-    scene: &'a Scene,
+    pub scene: &'a Scene,
     pub dimension: usize,
     limits: &'a Limits,
     pub faults: &'a mut Faults,
@@ -67,7 +68,7 @@ impl Check<'_> {
     }
 
     /// True when nothing is wrong with the grid.
-    fn has_grid(&self) -> bool {
+    pub fn has_grid(&self) -> bool {
         ["/dimension", "/domain/min", "/domain/max", "/domain/dx"].iter().all(|at| self.faults.clean(at))
     }
 
@@ -105,7 +106,7 @@ impl Check<'_> {
         }
     }
 
-    fn vector_of(&mut self, at: &str, v: &[f64], length: usize) {
+    pub fn vector_of(&mut self, at: &str, v: &[f64], length: usize) {
         if v.len() != length {
             let reason = format!("has {} components in a scene of {} dimensions", v.len(), self.dimension);
             self.faults.add(at, "wrong_length", reason, format!("write {length}"));
@@ -283,11 +284,23 @@ impl Check<'_> {
             self.faults.add(&join(at, "particles_per_cell"), "not_a_power", reason, remedy);
         }
         self.initial_state(at, body);
+        let shape = match (&body.shape, &body.points) {
+            (Some(shape), None) => shape,
+            (None, Some(points)) => return check_points(self, at, body, points),
+            (shape, _) => {
+                let reason = match shape {
+                    Some(_) => "`shape` is given beside `points`",
+                    None => "the body has neither `shape` nor `points`",
+                };
+                self.faults.add(&join(at, "shape"), "not_one_source", reason, "give one of `shape` and `points`");
+                return None;
+            }
+        };
         let shape_at = join(at, "shape");
-        check_shape(self, &shape_at, &body.shape);
+        check_shape(self, &shape_at, shape);
         let judged =
             self.has_grid() && self.faults.clean(&join(at, "particles_per_cell")) && self.faults.clean(&shape_at);
-        if judged { self.particles(&shape_at, body, per_axis?) } else { None }
+        if judged { self.particles(&shape_at, body, shape, per_axis?) } else { None }
     }
 
     fn initial_state(&mut self, at: &str, body: &Body) {
@@ -324,9 +337,9 @@ impl Check<'_> {
     }
 
     /// Counts the particles of a body without making them, and looks for some outside the domain.
-    fn particles(&mut self, at: &str, body: &Body, per_axis: f64) -> Option<u64> {
+    fn particles(&mut self, at: &str, body: &Body, shape: &Shape, per_axis: f64) -> Option<u64> {
         let (domain, d) = (&self.scene.domain, self.dimension);
-        let sdf = sdf(&body.shape, d);
+        let sdf = sdf(shape, d);
         let whole = lattice(domain, per_axis, &sdf, d);
         let [lower, upper] = sdf.bounds();
         let (min, max) = (vector3(&domain.min), vector3(&domain.max));

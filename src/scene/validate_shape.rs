@@ -1,7 +1,7 @@
 //! Meaning of shapes: lengths, radii, axes, and programs that an evaluator can hold.
 
 use super::fault::join;
-use super::schema::Shape;
+use super::schema::{Sampled, Shape};
 use super::solid::sdf;
 use super::validate::Check;
 use crate::sim::collider::SDF_STACK;
@@ -34,6 +34,8 @@ fn check_part(check: &mut Check, at: &str, shape: &Shape) {
         Shape::Cone { .. } => ("cone", true),
         Shape::Torus { .. } => ("torus", true),
         Shape::HalfSpace { .. } => ("half-space", false),
+        Shape::Heightfield { .. } => ("heightfield", false),
+        Shape::Mesh { .. } => ("mesh", true),
         Shape::Union(_) => ("union", false),
         Shape::Intersection(_) => ("intersection", false),
         Shape::Difference(_) => ("difference", false),
@@ -89,6 +91,18 @@ fn check_part(check: &mut Check, at: &str, shape: &Shape) {
             check.vector(&field("point"), point);
             direction(check, &field("normal"), normal);
         }
+        Shape::Heightfield { min, max, base, heights, field } => {
+            heightfield(check, &at, [min, max], *base, heights);
+            sampled(check, &at, field);
+        }
+        Shape::Mesh { asset, file, field, .. } => {
+            if asset.is_some() == file.is_some() {
+                let reason = if asset.is_some() { "`asset` is given beside `file`" } else { "the mesh is missing" };
+                let remedy = "give one of `asset`, an upload's id, and `file`, a path (command line only)";
+                check.fault(&at, "not_one_source", reason, remedy);
+            }
+            sampled(check, &at, field);
+        }
         Shape::Union(shapes) | Shape::Intersection(shapes) => several(check, &at, key, shapes, 1),
         Shape::Difference(shapes) => several(check, &at, key, shapes, 2),
         Shape::Translate { offset, shape } => {
@@ -120,6 +134,51 @@ fn check_part(check: &mut Check, at: &str, shape: &Shape) {
         Shape::Shell { thickness, shape } => {
             check.positive(&field("thickness"), *thickness, "the thickness");
             check_part(check, &field("shape"), shape);
+        }
+    }
+}
+
+/// What depends on a shape that was not sampled cannot be judged; why it was not is a fault elsewhere.
+fn sampled(check: &mut Check, at: &str, field: &Sampled) {
+    if field.is_none() {
+        check.faults.spoil(at);
+    }
+}
+
+fn heightfield(check: &mut Check, at: &str, [min, max]: [&[f64]; 2], base: f64, heights: &[Vec<f64>]) {
+    check.finite(&join(at, "base"), base);
+    if !check.has_dimension() {
+        return;
+    }
+    let axes = check.dimension - 1;
+    check.vector_of(&join(at, "min"), min, axes);
+    check.vector_of(&join(at, "max"), max, axes);
+    if check.faults.clean(&join(at, "min")) && check.faults.clean(&join(at, "max")) {
+        for a in 0..axes {
+            if max[a] <= min[a] {
+                let reason = format!("max {} is not above min {}", max[a], min[a]);
+                check.fault(&join(&join(at, "max"), a), "empty", reason, "write a larger max");
+            }
+        }
+    }
+    let at = join(at, "heights");
+    let rows = if axes == 1 { 1..=1 } else { 2..=usize::MAX };
+    if !rows.contains(&heights.len()) {
+        let remedy = if axes == 1 { "in 2D write one row, along x" } else { "write at least 2 rows of at least 2" };
+        check.fault(&at, "wrong_length", format!("{} rows of heights", heights.len()), remedy);
+        return;
+    }
+    for (j, row) in heights.iter().enumerate() {
+        let at = join(&at, j);
+        if row.len() < 2 || row.len() != heights[0].len() {
+            let reason = format!("a row of {} heights; the first has {}", row.len(), heights[0].len());
+            check.fault(&at, "wrong_length", reason, "write rows of the same length, at least 2");
+        }
+        for (i, height) in row.iter().enumerate() {
+            if check.finite(&join(&at, i), *height) && *height < base {
+                let reason = format!("the height {height} is below the base {base}");
+                check.fault(&join(&at, i), "below_base", reason, "raise it or lower the base");
+            }
         }
     }
 }

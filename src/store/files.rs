@@ -1,4 +1,4 @@
-//! The data directory: one folder of outputs a job, and the lock that keeps a second server out.
+//! The data directory: one folder of outputs a job, the folder of uploads, and the lock that keeps a second server out.
 
 use std::collections::HashSet;
 use std::fs::{self, File, TryLockError};
@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 
 use uuid::Uuid;
 
-use super::StoreError;
+use super::{AssetFiles, StoreError};
 
 /// A data directory owned by this process for as long as the value lives.
 #[derive(Debug)]
 pub struct DataDir {
     root: PathBuf,
+    assets: AssetFiles,
     _lock: File,
 }
 
@@ -23,7 +24,10 @@ impl DataDir {
         fs::create_dir_all(root.join("jobs")).map_err(at)?;
         let lock = File::create(root.join("lock")).map_err(at)?;
         match lock.try_lock() {
-            Ok(()) => Ok(Self { root: root.to_owned(), _lock: lock }),
+            Ok(()) => {
+                let assets = AssetFiles::open(root.join("assets")).map_err(at)?;
+                Ok(Self { root: root.to_owned(), assets, _lock: lock })
+            }
             Err(TryLockError::WouldBlock) => Err(StoreError::Locked { path: root.to_owned() }),
             Err(TryLockError::Error(error)) => Err(at(error)),
         }
@@ -31,6 +35,10 @@ impl DataDir {
 
     pub fn database(&self) -> PathBuf {
         self.root.join("gridfall.sqlite")
+    }
+
+    pub fn assets(&self) -> AssetFiles {
+        self.assets.clone()
     }
 
     pub fn job(&self, id: Uuid) -> JobFiles {

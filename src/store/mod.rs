@@ -1,8 +1,9 @@
-//! Jobs in SQLite and their outputs in a directory.
+//! Jobs in SQLite, their outputs and the uploads in a directory.
 //!
 //! All writes go through one connection, so that they never wait for each other inside SQLite; reads have their own.
 //! Every write of an attempt names the attempt (its fencing token) and does nothing once the job has moved on.
 
+mod assets;
 mod files;
 mod job;
 mod row;
@@ -15,6 +16,7 @@ use jiff::Timestamp;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
 use uuid::Uuid;
 
+pub use assets::{Asset, AssetFiles};
 pub use files::{DataDir, JobFiles};
 pub use job::{Failure, Job, NewJob, Progress, Status};
 use row::{ClaimRow, JobRow, select_jobs};

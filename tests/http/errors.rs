@@ -12,6 +12,9 @@ fn template(path: &str) -> String {
     if parts.len() > 3 && parts[1] == "v1" && parts[2] == "jobs" {
         parts[3] = "{id}";
     }
+    if parts.len() > 3 && parts[2] == "assets" {
+        parts[3] = "{id}";
+    }
     parts.join("/")
 }
 
@@ -47,6 +50,8 @@ fn every_error_is_a_documented_problem() {
     let document = server.get("/openapi.json").json();
     let nobody = "/v1/jobs/01890000-0000-7000-8000-000000000000";
     let valid = json!({ "scene": support::short() }).to_string();
+    let no_asset = format!("/v1/assets/sha256:{}", "0".repeat(64));
+    let huge = "x".repeat((64 << 20) + 1);
     let large = format!("\"{}\"", "x".repeat(9 << 20));
     let long_name = json!({ "scene": support::short(), "name": "x".repeat(201) }).to_string();
     type Headers<'a> = &'a [(&'a str, &'a str)];
@@ -81,6 +86,12 @@ fn every_error_is_a_documented_problem() {
         ("GET", "/v1/jobs?cursor=here", &[], "", 400, "invalid_query"),
         ("GET", "/v1/jobs?page=2", &[], "", 400, "invalid_query"),
         ("GET", "/v1/jobs/7", &[], "", 400, "invalid_path"),
+        ("PUT", "/v1/assets", &[], "no mesh", 422, "invalid_asset"),
+        ("PUT", "/v1/assets", &[JSON], "{}", 422, "invalid_asset"),
+        ("PUT", "/v1/assets", &[], &huge, 413, "body_too_large"),
+        ("DELETE", "/v1/assets", &[], "", 405, "method_not_allowed"),
+        ("GET", "/v1/assets/7", &[], "", 400, "invalid_path"),
+        ("GET", &no_asset, &[], "", 404, "asset_not_found"),
         ("GET", "/v1/jobs/%FF", &[], "", 400, "invalid_path"),
         ("DELETE", "/v1/jobs/7", &[], "", 400, "invalid_path"),
         ("POST", "/v1/jobs/7/cancel", &[], "", 400, "invalid_path"),

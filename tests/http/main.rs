@@ -1,5 +1,6 @@
 //! The server as its users meet it: a process, a port and HTTP.
 
+mod assets;
 mod errors;
 mod lifecycle;
 mod openapi;

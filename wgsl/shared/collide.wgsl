@@ -34,6 +34,23 @@ fn cone_distance(q: vec2<f32>, a: vec3<f32>) -> f32 {
     return select(away, -away, side.x < 0.0 && cap.y < 0.0);
 }
 
+/// Distance to a sampled field at a place in units of its samples. Twin: Field::distance in src/sim/collider/field.rs.
+fn grid_distance(at: vec3<f32>, spacing: f32, grid: vec4<u32>) -> f32 {
+    let n = grid.yzw;
+    let held = clamp(at, vec3<f32>(0.0), vec3<f32>(n - 1u));
+    let index = min(vec3<u32>(held), n - 2u);
+    let s = held - vec3<f32>(index);
+    let first = grid.x + index.x + n.x * (index.y + n.y * index.z);
+    var row: array<f32, 4>;
+    for (var i = 0u; i < 4u; i++) {
+        let at_row = first + n.x * ((i & 1u) + n.y * (i >> 1u));
+        row[i] = mix(sdf_samples[at_row], sdf_samples[at_row + 1u], s.x);
+    }
+    let value = mix(mix(row[0], row[1], s.y), mix(row[2], row[3], s.y), s.z);
+    let away = spacing * length(at - held);
+    return select(value, length(vec2<f32>(value, away)), away > 0.0);
+}
+
 fn primitive_distance(op: SdfOp, world: vec3<f32>) -> f32 {
     let h = vec4<f32>(world, 1.0);
     let x = vec3<f32>(dot(op.r0, h), dot(op.r1, h), dot(op.r2, h));
@@ -53,7 +70,8 @@ fn primitive_distance(op: SdfOp, world: vec3<f32>) -> f32 {
         }
         case 4u: { return x.z; } // half-space
         case 5u: { return length(vec3<f32>(x.xy, x.z - clamp(x.z, -a.y, a.y))) - a.x; } // capsule, radius and half axis
-        default: { return cone_distance(vec2<f32>(length(x.xy), x.z), a); } // cone, radii below and above, half height
+        case 6u: { return cone_distance(vec2<f32>(length(x.xy), x.z), a); } // cone, radii below and above, half height
+        default: { return grid_distance(x, a.x, op.grid); } // sampled field, distance between samples
     }
 }
 

@@ -53,7 +53,8 @@ struct Body { mass: f32, volume: f32, material: u32, demand: f32 } // demand of 
 struct Material { model: u32, a: f32, b: f32, c: f32, d: f32, e: f32, spare0: u32, spare1: u32 }
 
 // One instruction of a signed distance program (src/sim/collider/): rotation rows and translation fold the frame.
-struct SdfOp { r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32>, size: vec3<f32>, code: u32 }
+// grid: first of `sdf_samples`, samples along each axis.
+struct SdfOp { r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32>, size: vec3<f32>, code: u32, grid: vec4<u32> }
 
 struct Collider { first: u32, count: u32, kind: u32, friction: f32 }
 
@@ -91,6 +92,7 @@ struct Work { block: u32, start: u32, count: u32, unused: u32 }
 @group(0) @binding(22) var<storage, read_write> sdf_ops: array<SdfOp>;
 @group(0) @binding(23) var<storage, read_write> colliders: array<Collider>;
 @group(0) @binding(24) var<storage, read_write> poses: array<Pose>;
+@group(0) @binding(25) var<storage, read_write> sdf_samples: array<f32>;          // of all fields, x fastest (m)
 
 override WORKGROUP: u32 = 64u;
 /// MLS-MPM (forces and velocity gradient through D⁻¹) instead of APIC (through kernel gradients).

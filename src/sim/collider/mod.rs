@@ -1,7 +1,9 @@
 //! Rigid obstacles: a signed distance field, a contact and a motion.
 
+mod field;
 mod sdf;
 
+pub use field::Field;
 pub use sdf::{FLAT_HALF_EXTENT, Primitive, SDF_STACK, Sdf, SdfOp, axis_angle, rotate, rotate_back};
 
 use super::particles::IDENTITY;

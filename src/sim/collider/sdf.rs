@@ -1,13 +1,17 @@
 //! Solids as signed distance programs: postfix instructions over primitives, the common form of CPU and GPU evaluation.
 //!
-//! All primitives have exact distances; union, intersection, difference and shell keep the sign exact and the value a
+//! All primitives but sampled ones have exact distances; union, intersection, difference and shell keep the sign exact and the value a
 //! lower bound of the true distance (1-Lipschitz), which is what sampling and contact need.
+
+use std::sync::Arc;
+
+use super::field::Field;
 
 /// Half extent of a 2D shape along z (m): its cross-section extends without end.
 pub const FLAT_HALF_EXTENT: f64 = 1e30;
 
 /// A primitive solid in its own frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Primitive {
     /// Half extents (m), centred on the origin.
     Box([f64; 3]),
@@ -23,6 +27,8 @@ pub enum Primitive {
     Torus(f64, f64),
     /// All points with z <= 0.
     HalfSpace,
+    /// A field whose lengths are multiplied by the factor.
+    Grid(Arc<Field>, f64),
 }
 
 impl Primitive {
@@ -36,6 +42,7 @@ impl Primitive {
             Self::Cone(base, top, h) => cone([x[0].hypot(x[1]), x[2]], base, top, h),
             Self::Torus(major, minor) => (x[0].hypot(x[1]) - major).hypot(x[2]) - minor,
             Self::HalfSpace => x[2],
+            Self::Grid(ref field, scale) => scale * field.distance(x.map(|x| x / scale)),
         }
     }
 
@@ -49,6 +56,7 @@ impl Primitive {
             Self::Cone(base, top, h) => Self::Cone(factor * base, factor * top, factor * h),
             Self::Torus(major, minor) => Self::Torus(factor * major, factor * minor),
             Self::HalfSpace => Self::HalfSpace,
+            Self::Grid(ref field, scale) => Self::Grid(field.clone(), factor * scale),
         }
     }
 }
@@ -78,7 +86,7 @@ fn length(x: [f64; 3]) -> f64 {
 /// One instruction of a signed distance program in postfix order.
 ///
 /// Rigid motions inside a shape are folded into its primitives, so that only primitives have a frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum SdfOp {
     /// Push the distance to a primitive whose local coordinates are `rotation (x - translation)` (row-major).
     Primitive { primitive: Primitive, rotation: [f64; 9], translation: [f64; 3] },
@@ -158,6 +166,19 @@ impl Sdf {
         stack.pop().unwrap_or([[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]])
     }
 
+    /// All sampled primitives, and their scale.
+    pub fn fields(&self) -> impl Iterator<Item = (&Arc<Field>, f64)> {
+        self.ops.iter().filter_map(|op| match op {
+            SdfOp::Primitive { primitive: Primitive::Grid(field, scale), .. } => Some((field, *scale)),
+            _ => None,
+        })
+    }
+
+    /// By how much two distances may differ beyond the way between their points (m): 0 without sampled primitives.
+    pub fn slack(&self) -> f64 {
+        self.fields().map(|(field, scale)| scale * field.slack()).fold(0.0, f64::max)
+    }
+
     /// Depth of the stack that the program needs; at most [`SDF_STACK`] in a valid problem.
     pub fn stack_depth(&self) -> usize {
         let (mut depth, mut deepest) = (0usize, 0);
@@ -192,6 +213,19 @@ fn primitive_bounds(primitive: &Primitive, rotation: &[f64; 9], translation: &[f
             [-1.0, 1.0].map(|side| [end(0, side), end(1, side), end(2, side)])
         }
         Primitive::Torus(major, minor) => each(&|a| disc(a) * major + minor),
+        Primitive::Grid(ref field, scale) => {
+            let corner = |k: usize, b: usize| scale * field.bounds[k >> b & 1][b];
+            let (mut lower, mut upper) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+            for k in 0..8 {
+                for a in 0..3 {
+                    // An axis that the other has no share in adds nothing, however long it is.
+                    let terms = (0..3).filter(|b| rotation[3 * b + a] != 0.0);
+                    let x = translation[a] + terms.map(|b| rotation[3 * b + a] * corner(k, b)).sum::<f64>();
+                    (lower[a], upper[a]) = (lower[a].min(x), upper[a].max(x));
+                }
+            }
+            [lower, upper]
+        }
         Primitive::HalfSpace => {
             // A wall along the axes bounds one side.
             let mut bounds = [[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]];

@@ -1,0 +1,83 @@
+//! A mesh's signed distance on a lattice.
+
+use rayon::prelude::*;
+
+use super::TriangleMesh;
+use super::bvh::Bvh;
+use crate::scene::schema::Fill;
+use crate::sim::collider::Field;
+
+/// Samples of one field at most: 128 MiB, and some seconds of work.
+pub const MAX_SAMPLES: u64 = 1 << 25;
+
+/// Samples beyond the solid's bounds on each side.
+const MARGIN: f64 = 2.0;
+
+/// The lattice that a mesh will be sampled on.
+#[derive(Clone, Copy, Debug)]
+pub struct Plan {
+    origin: [f64; 3],
+    spacing: f64,
+    size: [usize; 3],
+    bounds: [[f64; 3]; 2],
+}
+
+impl Plan {
+    /// A lattice with `spacing` over a mesh; in 2D over its section at z = 0.
+    pub fn new(mesh: &TriangleMesh, spacing: f64, dimension: usize) -> Self {
+        let [mut lower, mut upper] = mesh.bounds();
+        let (mut origin, mut size) = ([0.0; 3], [1; 3]);
+        for a in 0..3 {
+            if a >= dimension {
+                (lower[a], upper[a]) = (f64::NEG_INFINITY, f64::INFINITY);
+                continue;
+            }
+            // Whole spacings, tolerant of rounding, with half of what is left over on each side.
+            let cells = ((upper[a] - lower[a]) / spacing - 1e-6).ceil().max(0.0);
+            origin[a] = 0.5 * (lower[a] + upper[a]) - (0.5 * cells + MARGIN) * spacing;
+            size[a] = (cells + 2.0 * MARGIN) as usize + 1;
+            // Interpolation may round a dent in the surface outwards by this much.
+            (lower[a], upper[a]) = (lower[a] - spacing, upper[a] + spacing);
+        }
+        Self { origin, spacing, size, bounds: [lower, upper] }
+    }
+
+    /// Number of samples; `u64::MAX` when there are more.
+    pub fn samples(&self) -> u64 {
+        self.size.iter().fold(1u64, |n, &size| n.saturating_mul(size as u64))
+    }
+
+    /// Samples the mesh. Of an open one, the distance u to the triangles is weighted to u (1 - 2w) with the winding number w: it is
+    /// ±u far from holes, and crosses zero smoothly where a hole is closed.
+    pub fn sample(&self, mesh: &TriangleMesh, fill: Fill) -> Field {
+        let bvh = Bvh::new(mesh);
+        let [nx, ny, _] = self.size;
+        let mut samples = vec![0.0; self.size.iter().product()];
+        samples.par_chunks_mut(nx).enumerate().for_each(|(row, samples)| {
+            let at = |i: usize| -> [f64; 3] {
+                let index = [i, row % ny, row / ny];
+                std::array::from_fn(|a| self.origin[a] + index[a] as f64 * self.spacing)
+            };
+            let (mut before, mut sign) = (f64::INFINITY, 1.0);
+            for (i, sample) in samples.iter_mut().enumerate() {
+                let x = at(i);
+                // The next sample's nearest triangle is at most a spacing further away.
+                let u = bvh.distance(x, before + 1.000001 * self.spacing);
+                let value = match fill {
+                    Fill::WindingNumber => u * (1.0 - 2.0 * bvh.winding(x).clamp(0.0, 1.0)),
+                    Fill::Watertight => {
+                        // No surface lies between two samples further from it than from each other.
+                        if i == 0 || before <= self.spacing {
+                            sign = if bvh.winding(x) > 0.5 { -1.0 } else { 1.0 };
+                        }
+                        sign * u
+                    }
+                };
+                *sample = value as f32;
+                before = u;
+            }
+        });
+        let Self { origin, spacing, size, bounds } = *self;
+        Field { origin, spacing, size, samples, bounds }
+    }
+}
