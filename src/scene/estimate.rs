@@ -84,7 +84,7 @@ pub fn estimate(problem: &Problem) -> Estimate {
         particles,
         cells: problem.cells,
         blocks,
-        host_memory_bytes: memory_bytes(particles, problem.cells.map(|n| n as u64)),
+        host_memory_bytes: memory_bytes(particles, problem.cells.map(|n| n as u64)) + field_bytes(problem),
         device_memory_bytes: device_memory_bytes(problem, blocks),
         dt_s: plan.dt_s,
         dt_bound: plan.bound.name(),
@@ -116,7 +116,13 @@ fn device_memory_bytes(problem: &Problem, blocks: u64) -> Option<u64> {
     let particle = DEVICE_BYTES_PER_PARTICLE + 4 * channels * DEFORMATION_COPIES;
     let nodes = blocks * BLOCK_CELLS * grids;
     let explicit = problem.dimension == 3 && problem.precision == crate::sim::problem::Precision::F32;
-    explicit.then(|| problem.particles.len() as u64 * particle + table * TABLE_BYTES_PER_BLOCK + nodes * NODE_BYTES)
+    let particles = problem.particles.len() as u64 * particle;
+    explicit.then(|| particles + table * TABLE_BYTES_PER_BLOCK + nodes * NODE_BYTES + field_bytes(problem))
+}
+
+/// Memory of the colliders' sampled distances (bytes).
+fn field_bytes(problem: &Problem) -> u64 {
+    problem.colliders.iter().flat_map(|collider| collider.sdf.fields()).map(|(field, _)| field.bytes()).sum()
 }
 
 /// Blocks with particles and all their neighbours.
