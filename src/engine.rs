@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::sim::particles::Particles;
+use crate::sim::reaction::Reaction;
 
 /// Where and how an engine runs; goes into job records, recordings and messages.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -20,13 +21,15 @@ pub struct Backend {
 }
 
 /// What happened in one frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameStats {
     pub steps: u64,
     /// Mean step (s); 0 for frame 0.
     pub dt_s: f64,
     /// Particles that were alone on their nodes and were reset.
     pub isolated_reset: u64,
+    /// Mean force and torque on every surface, in the order of [`crate::sim::reaction`]; empty for frame 0.
+    pub reactions: Vec<Reaction>,
 }
 
 /// Asked by engines between batches of steps.

@@ -111,7 +111,7 @@ fn step(
             }
             stats = engine.advance_frame(problem.frame_s, observer)?;
         }
-        if !take((frame, engine.snapshot()?, stats)) {
+        if !take((frame, engine.snapshot()?, std::mem::take(&mut stats))) {
             break;
         }
     }
@@ -138,7 +138,7 @@ impl<'a> Keeper<'a> {
             None => None,
             Some(path) => {
                 let mut file = File::create(path).map_err(RecordingError::io("create", path))?;
-                writeln!(file, "{}", Row::csv_header()).map_err(RecordingError::io("write", path))?;
+                writeln!(file, "{}", Row::csv_header(problem)).map_err(RecordingError::io("write", path))?;
                 Some((file, path.clone()))
             }
         };

@@ -234,6 +234,41 @@ const FLAT: &[Case] = &[
     case!(["/bodies/0/shape" = { "mesh": { "file": "a.obj" } }], ["/bodies/0/shape/mesh" "needs_3d"]),
     case!(["/domain/boundary" = { "z-": { "contact": "slip" } }], ["/domain/boundary/z-" "unknown_wall"]),
     case!(["/domain/min" = [0, 0, 0]], ["/domain/min" "wrong_length"]),
+    case!(["/bodies/0/grips" = [{ "name": "g", "shape": { "sphere": { "center": [0.5, 0.5], "radius": 0.1 } },
+                                  "motion": { "axis": [0, 1], "keyframes": [{ "time": 0 }, { "time": 1, "angle_degrees": 9 }] } }]],
+          ["/bodies/0/grips/0/motion/axis" "needs_3d"]),
+];
+
+/// What moves by prescription.
+#[rustfmt::skip]
+const MOTION: &[Case] = &[
+    case!(["/colliders/0/motion" = { "keyframes": [{ "time": 0 }, { "time": 1, "offset": [0, 0, 0.1], "angle_degrees": 30 }] }], []),
+    case!(["/colliders/0/motion/keyframes" = [{ "time": 0 }, { "time": 1 }]], ["/colliders/0/motion/keyframes" "conflicting_fields"]),
+    case!(["/colliders/0/motion" = { "keyframes": [{ "time": 0.5 }] }], ["/colliders/0/motion/keyframes" "too_few_keyframes"]),
+    case!(["/colliders/0/motion" = { "keyframes": [{ "time": 0 }, { "time": 0.5 }, { "time": 0.5 }] }], ["/colliders/0/motion/keyframes/2/time" "not_rising"]),
+    case!(["/colliders/0/motion" = { "keyframes": [{ "time": (-1) }, { "time": 0.5, "offset": [1] }] }],
+          ["/colliders/0/motion/keyframes/0/time" "negative", "/colliders/0/motion/keyframes/1/offset" "wrong_length"]),
+    case!(["/colliders/0/motion" = { "keyframes": [{ "offset": [0, 0, 0] }, { "time": 0.5 }] }], ["/colliders/0/motion/keyframes/0/time" "missing_field"]),
+    case!(["/colliders/0/motion/axis" = [1, 0, 0]], ["/colliders/0/motion/axis" "axis_unused"]),
+    case!(["/colliders/0/motion" = { "axis": [0, 0, 0], "keyframes": [{ "time": 0 }, { "time": 1 }] }], ["/colliders/0/motion/axis" "zero_vector"]),
+    case!(["/colliders/0/shape" = { "half-space": { "point": [0, 0, 0], "normal": [0, 0, 1] } },
+           "/colliders/0/motion" = { "keyframes": [{ "time": 0 }, { "time": 1, "angle_degrees": 9 }] }], ["/colliders/0/motion/center" "missing_field"]),
+    case!(["/colliders/0/name" = "wall_x-"], ["/colliders/0/name" "reserved_name"]),
+    case!(["/colliders/0/from" = (-1)], ["/colliders/0/from" "negative"]),
+    case!(["/colliders/0/from" = 0.5, "/colliders/0/until" = 0.5], ["/colliders/0/until" "empty"]),
+    case!(["/colliders/0/until" = 0], ["/colliders/0/until" "empty"]),
+    case!(["/bodies/1/grips" = [{ "name": "top", "shape": { "sphere": { "center": [0.7, 0.7, 0.9], "radius": 0.1 } } }]], []),
+    case!(["/bodies/1/grips" = [{ "name": "top", "shape": { "sphere": { "center": [0.7, 0.7, 0.9], "radius": 0 } }, "until": 0 }]],
+          ["/bodies/1/grips/0/shape/sphere/radius" "not_positive", "/bodies/1/grips/0/until" "empty"]),
+    case!(["/bodies/1/grips" = [{ "name": "top", "shape": { "sphere": { "center": [0.7, 0.7, 0.9], "radius": 0.1 } }, "contact": "slip" }]],
+          ["/bodies/1/grips/0/contact" "unknown_field"]),
+    case!(["/bodies/1/grips" = [{ "name": "top", "shape": { "sphere": { "center": [0.7, 0.7, 0.9], "radius": 0.1 } } },
+                                { "name": "top", "shape": { "sphere": { "center": [0.7, 0.7, 0.5], "radius": 0.1 } },
+                                  "motion": { "angular_velocity": [1], "linear_velocity": [0, 0] } }]],
+          ["/bodies/1/grips/1/name" "duplicate_name", "/bodies/1/grips/1/motion/angular_velocity" "wrong_length",
+           "/bodies/1/grips/1/motion/linear_velocity" "wrong_length"]),
+    case!(["/colliders/0/name" = "b/top", "/bodies/1/grips" = [{ "name": "top", "shape": { "sphere": { "center": [0.7, 0.7, 0.9], "radius": 0.1 } } }]],
+          ["/bodies/1/grips/0/name" "duplicate_name"]),
 ];
 
 fn run(base: fn() -> Value, cases: &[Case]) {
@@ -258,6 +293,11 @@ fn structure_is_judged_everywhere() {
 #[test]
 fn meaning_is_judged_everywhere() {
     run(good, MEANING);
+}
+
+#[test]
+fn motions_are_judged() {
+    run(good, MOTION);
 }
 
 #[test]

@@ -4,7 +4,7 @@ mod common;
 #[path = "gpu/isolated.rs"]
 mod isolated;
 
-use gridfall::engine::{Control, Engine, EngineError, NoControl};
+use gridfall::engine::{Control, Engine, EngineError, FrameStats, NoControl};
 use gridfall::sim::particles::Particles;
 use gridfall::sim::problem::Problem;
 use rand::SeedableRng;
@@ -22,9 +22,14 @@ fn block(kernel: &str, boundary: &str, extra: &str) -> Problem {
 }
 
 fn run(problem: &Problem, frames: u32) -> (Particles, u64) {
+    let (particles, stats) = run_with_stats(problem, frames);
+    (particles, stats.iter().map(|s| s.steps).sum())
+}
+
+fn run_with_stats(problem: &Problem, frames: u32) -> (Particles, Vec<FrameStats>) {
     let mut engine = common::gpu_engine(problem);
-    let steps = (0..frames).map(|_| engine.advance_frame(problem.frame_s, &NoControl).unwrap().steps).sum();
-    (engine.snapshot().unwrap(), steps)
+    let stats = (0..frames).map(|_| engine.advance_frame(problem.frame_s, &NoControl).unwrap()).collect();
+    (engine.snapshot().unwrap(), stats)
 }
 
 #[test]
@@ -55,8 +60,11 @@ fn two_runs_are_equal_bit_for_bit() {
     let mut problem = block("compact", r#""z-": {"contact":"slip"}"#, r#""sampling": "jittered""#);
     println!("seed 5");
     common::randomise(&mut problem, &mut ChaCha8Rng::seed_from_u64(5));
-    let first = run(&problem, 3);
-    assert_eq!(first, run(&problem, 3));
+    // Near the floor, so that it bears something.
+    problem.particles.x.iter_mut().for_each(|x| x[2] -= 0.48);
+    let first = run_with_stats(&problem, 3);
+    assert!(first.1[2].reactions[4].force[2] != 0.0, "{:?}", first.1);
+    assert_eq!(first, run_with_stats(&problem, 3));
 }
 
 #[test]
@@ -169,4 +177,27 @@ fn cancel_is_heard() {
     }
     let problem = block("compact", "", "\"velocity\": [0, 0, 0]");
     assert!(matches!(common::gpu_engine(&problem).advance_frame(1.0, &Cancel), Err(EngineError::Canceled)));
+}
+
+/// What the floor bears is what the block loses, to the resolution of the sums.
+#[test]
+fn surfaces_take_the_momentum_that_is_lost() {
+    for kernel in ["compact", "quadratic"] {
+        let mut problem =
+            block(kernel, r#""z-": {"contact":"separate","friction":0.5}"#, r#""velocity": [0.5, 0, -3]"#);
+        problem.particles.x.iter_mut().for_each(|x| x[2] -= 0.47);
+        let (after, stats) = run_with_stats(&problem, 8);
+        let m = problem.bodies[0].mass;
+        let p = |p: &Particles, a: usize| m * p.v.iter().map(|v| v[a]).sum::<f64>();
+        for a in 0..3 {
+            let lost = p(&problem.particles, a) + m * after.len() as f64 * problem.gravity[a] * 0.08 - p(&after, a);
+            let taken: f64 = stats.iter().flat_map(|s| &s.reactions).map(|r| r.force[a] * problem.frame_s).sum();
+            let whole = 3.0 * m * after.len() as f64;
+            println!(
+                "{kernel} axis {a}: {taken:.6} N s taken, {lost:.6} lost, of {whole:.3}; {:.1e}",
+                (taken - lost) / whole
+            );
+            assert!((taken - lost).abs() < 1e-5 * whole);
+        }
+    }
 }

@@ -51,7 +51,7 @@ impl Engine for Fake {
                 Err(EngineError::Diverged { step: 7, time_s: 0.1, what: "a velocity is not a number".into() })
             }
             Fate::LoseDevice if self.frame == 2 => Err(EngineError::DeviceLost("it fell off the bus".into())),
-            _ => Ok(FrameStats { steps: 1, dt_s: frame_s, isolated_reset: 0 }),
+            _ => Ok(FrameStats { steps: 1, dt_s: frame_s, ..FrameStats::default() }),
         }
     }
 

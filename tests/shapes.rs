@@ -26,6 +26,8 @@ fn scene_with(shape: &Shape) -> Scene {
         contact: ContactKind::Slip,
         friction: 0.0,
         motion: None,
+        from: None,
+        until: None,
     };
     scene.colliders.push(collider);
     scene

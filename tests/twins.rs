@@ -53,7 +53,11 @@ fn scene(kernel: &str, transfer: &str, [jelly, gum, water]: [&str; 3]) -> Proble
                     {{ "cylinder": {{ "center": [0.2, 0.5, 0.3], "radius": 0.2, "height": 0.5 }} }},
                     {{ "box": {{ "min": [0.1, 0.3, 0.2], "max": [0.3, 0.5, 0.4] }} }} ] }} }} }},
                "motion": {{ "linear_velocity": [0.3, 0.1, 0], "angular_velocity": [0, 1, 2] }} }},
-            {{ "name": "ring", "contact": "slip", "shape": {{ "torus": {{ "center": [0.4, 0.8, 0.9], "major_radius": 0.2, "minor_radius": 0.07 }} }} }} ],
+            {{ "name": "ring", "contact": "slip", "shape": {{ "torus": {{ "center": [0.4, 0.8, 0.9], "major_radius": 0.2, "minor_radius": 0.07 }} }} }},
+            {{ "name": "key", "contact": "sticky", "shape": {{ "sphere": {{ "center": [-0.1, 0.3, 0.4], "radius": 0.1 }} }}, "from": 0.004,
+               "motion": {{ "center": [-0.2, 0.3, 0.4], "axis": [0, 1, 1], "keyframes": [
+                    {{ "time": 0.002 }}, {{ "time": 0.008, "offset": [0.01, 0, 0], "angle_degrees": 3 }}, {{ "time": 0.012, "angle_degrees": -3 }} ] }} }},
+            {{ "name": "gone", "contact": "sticky", "until": 0.004, "shape": {{ "box": {{ "min": [0.51, 0.31, 0.15], "max": [0.69, 1.08, 0.31] }} }} }} ],
         "time": {{ "end": 0.1, "frame_rate": 50 }},
         "solver": {{ "kernel": "{kernel}", "transfer": "{transfer}" }} }}"#
     ))
@@ -228,5 +232,18 @@ fn fused_steps_follow_the_reference() {
             stats.steps, d[0], d[1], d[2], d[3]
         );
         assert!(d[0] < 1e-4 && d[1] < 1e-3 && d[3] < 1e-3, "{d:?}");
+        // Forces in shares of the largest, torques at an arm of half a metre.
+        let largest = reference.reactions.iter().flat_map(|r| r.force).fold(0.0f64, |a, b| a.max(b.abs()));
+        let (mut worst, mut touched) = (0.0f64, 0);
+        for (a, b) in stats.reactions.iter().zip(&reference.reactions) {
+            touched += usize::from(b.force != [0.0; 3]);
+            for k in 0..3 {
+                worst = worst.max((a.force[k] - b.force[k]).abs()).max(2.0 * (a.torque[k] - b.torque[k]).abs());
+            }
+        }
+        println!(
+            "{kernel} {transfer}: {touched} surfaces touched, largest force {largest:.3} N, worst difference {worst:.1e} N"
+        );
+        assert!(touched >= 7 && worst < 2e-4 * largest, "{:?}\n{:?}", stats.reactions, reference.reactions);
     }
 }

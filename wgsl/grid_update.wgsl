@@ -1,38 +1,31 @@
 // Grid update: v_i = p_i / m_i + dt g, then walls and colliders (CK-MPM §3.3; forces are already in p_i).
-// In: fixed-point mass and momentum. Out: velocities as f32 bits in the momentum's place; mass unchanged.
+// In: fixed-point mass and momentum. Out: velocities as f32 bits in the momentum's place; mass unchanged; what surfaces took.
 // One workgroup an active block; each node is read and written by one lane.
 
-/// Contact with the two walls of an axis; a wall's nodes are those on or beyond its plane.
-fn walls_of_axis(v: vec3<f32>, n: vec3<f32>, x: f32, cells: f32, low: vec4<f32>, high: vec4<f32>) -> vec3<f32> {
-    if (x <= 0.0) {
-        return contact(v, n, u32(low.x), low.y);
+/// Contact with the two walls of axis `a`; a wall's nodes are those on or beyond its plane.
+fn walls_of_axis(v: vec3<f32>, a: u32, x: f32, cells: f32, mass: f32, slot: u32) -> vec3<f32> {
+    let upper = x >= cells;
+    if (x > 0.0 && !upper) {
+        return v;
     }
-    if (x >= cells) {
-        return contact(v, -n, u32(high.x), high.y);
-    }
-    return v;
+    let wall = 2u * a + select(0u, 1u, upper && x > 0.0);
+    let n = vec3<f32>(vec3<u32>(0u, 1u, 2u) == vec3<u32>(a)) * select(1.0, -1.0, upper && x > 0.0);
+    let after = contact(v, n, u32(params.walls[wall].x), params.walls[wall].y);
+    take(slot, wall, mass * (v - after), vec3<f32>(0.0));
+    return after;
 }
 
-fn wall_velocity(v_in: vec3<f32>, x: vec3<f32>) -> vec3<f32> {
+fn wall_velocity(v_in: vec3<f32>, x: vec3<f32>, mass: f32, slot: u32) -> vec3<f32> {
     var v = v_in;
-    if (params.periodic.x == 0u) {
-        v = walls_of_axis(v, vec3<f32>(1.0, 0.0, 0.0), x.x, params.cells.x, params.walls[0], params.walls[1]);
-    }
-    if (params.periodic.y == 0u) {
-        v = walls_of_axis(v, vec3<f32>(0.0, 1.0, 0.0), x.y, params.cells.y, params.walls[2], params.walls[3]);
-    }
-    if (params.periodic.z == 0u) {
-        v = walls_of_axis(v, vec3<f32>(0.0, 0.0, 1.0), x.z, params.cells.z, params.walls[4], params.walls[5]);
+    for (var a = 0u; a < 3u; a++) {
+        if (params.periodic[a] == 0u) {
+            v = walls_of_axis(v, a, x[a], params.cells[a], mass, slot);
+        }
     }
     return v;
 }
 
-@compute @workgroup_size(64)
-fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) count: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let slot = group_index(id, count);
-    if (slot >= status.groups[GROUPS_BLOCKS_IN]) {
-        return;
-    }
+fn update(slot: u32, lane: u32) {
     let corner = 4 * block_coordinates(blocks_in[slot + 1u]) - params.pad;
     let n = corner + vec3<i32>(vec3<u32>(lane & 3u, (lane >> 2u) & 3u, lane >> 4u));
     for (var grid = 0u; grid < GRIDS; grid++) {
@@ -51,15 +44,28 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) count: ve
             if (mass > SOFT_LIMIT) {
                 atomicOr(&status.halt, HALT_MASS);
             }
+            let per_velocity = f32(mass) * (params.momentum_scale / params.mass_scale);
             v = (vec3<f32>(p) / f32(mass)) * (params.mass_scale / params.momentum_scale) + params.gravity * params.dt;
             let x = vec3<f32>(n) + vec3<f32>(node_offset(grid));
-            v = wall_velocity(v, x);
+            v = wall_velocity(v, x, per_velocity, slot);
             if (params.colliders > 0u) {
-                v = collide(v, x * params.dx);
+                v = collide(v, x * params.dx, per_velocity, slot);
             }
         }
         grid_in[at + 64u] = bitcast<i32>(v.x);
         grid_in[at + 128u] = bitcast<i32>(v.y);
         grid_in[at + 192u] = bitcast<i32>(v.z);
     }
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) count: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let slot = group_index(id, count);
+    open_reactions(lane);
+    workgroupBarrier();
+    if (slot < status.groups[GROUPS_BLOCKS_IN]) {
+        update(slot, lane);
+    }
+    workgroupBarrier();
+    flush_reactions(slot, lane);
 }

@@ -5,6 +5,7 @@ use crate::engine::{Backend, Control, Engine, EngineError, FrameStats};
 use crate::sim::divergence::{Suspect, likely_cause};
 use crate::sim::particles::Particles;
 use crate::sim::problem::{Axis, Problem};
+use crate::sim::reaction::{self, Reaction};
 use crate::sim::timestep::{REPLAN_DEMAND, SHRINK, plan_frame};
 
 /// A problem loaded on the CPU.
@@ -98,12 +99,13 @@ impl Engine for CpuEngine {
         let mut isolated_reset = 0;
         let mut from_s = start_s;
         let mut done = 0;
+        let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.problem)];
         self.stages.p2g(plan.dt_s);
         loop {
             if control.canceled() {
                 return Err(EngineError::Canceled);
             }
-            self.stages.grid_update(plan.dt_s, self.time_s);
+            reaction::add_all(&mut impulses, &self.stages.grid_update(plan.dt_s, self.time_s));
             done += 1;
             let last = done == plan.steps;
             let moved = if last { self.stages.g2p(plan.dt_s) } else { self.stages.g2p2g(plan.dt_s) };
@@ -132,7 +134,8 @@ impl Engine for CpuEngine {
             }
         }
         let steps = self.step - first_step;
-        Ok(FrameStats { steps, dt_s: frame_s / steps as f64, isolated_reset })
+        let reactions = impulses.iter().map(|j| j.times(1.0 / frame_s)).collect();
+        Ok(FrameStats { steps, dt_s: frame_s / steps as f64, isolated_reset, reactions })
     }
 
     fn snapshot(&mut self) -> Result<Particles, EngineError> {

@@ -14,6 +14,7 @@ use crate::material::Law;
 use crate::sim::linalg::{det, double_dot, from_row_major, scaled_identity, to_row_major};
 use crate::sim::particles::Particles;
 use crate::sim::problem::{Axis, Problem, Transfer};
+use crate::sim::reaction::Reaction;
 use crate::sim::real::Real;
 use crate::sim::timestep::{Extremes, demands_at_rest_1_s2};
 
@@ -207,9 +208,9 @@ impl<T: Real, const D: usize> Solver<T, D> {
         self.step_blocks(dt_s, false, true);
     }
 
-    /// Tiles → node velocities at the end of a step of `dt_s` that starts at `time_s`.
-    pub fn grid_update(&mut self, dt_s: f64, time_s: f64) {
-        self.grid.update(&self.problem, &self.tiles, self.setup.layout.shift, dt_s, time_s);
+    /// Tiles → node velocities at the end of a step of `dt_s` that starts at `time_s`; the impulses that surfaces take.
+    pub fn grid_update(&mut self, dt_s: f64, time_s: f64) -> Vec<Reaction> {
+        self.grid.update(&self.problem, &self.tiles, self.setup.layout.shift, dt_s, time_s)
     }
 
     /// Node velocities → particles; the last step of a frame, which resets particles that are alone.

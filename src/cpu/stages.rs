@@ -5,6 +5,7 @@ use super::grid_update::NodeState;
 use super::solver::Solver;
 use crate::sim::particles::Particles;
 use crate::sim::problem::{Precision, Problem};
+use crate::sim::reaction::Reaction;
 use crate::sim::real::Real;
 use crate::sim::timestep::Extremes;
 
@@ -38,8 +39,9 @@ pub trait Stages: Send {
     fn bin(&mut self);
     /// Mass, momentum and the impulse of a step's forces to the grid.
     fn p2g(&mut self, dt_s: f64);
-    /// Node velocities at the end of a step from `time_s`; surfaces are where they are at its start.
-    fn grid_update(&mut self, dt_s: f64, time_s: f64);
+    /// Node velocities at the end of a step from `time_s`; surfaces are where they are at its start. Returns the impulses that they
+    /// take, in the order of [`crate::sim::reaction`].
+    fn grid_update(&mut self, dt_s: f64, time_s: f64) -> Vec<Reaction>;
     /// Moves particles; as the last step of a frame, resets those that are alone on their nodes.
     fn g2p(&mut self, dt_s: f64) -> Moved;
     /// `g2p`, then `p2g` for a next step of the same length, unless particles strayed.
@@ -65,8 +67,8 @@ impl<T: Real, const D: usize> Stages for Solver<T, D> {
     fn p2g(&mut self, dt_s: f64) {
         Solver::p2g(self, dt_s);
     }
-    fn grid_update(&mut self, dt_s: f64, time_s: f64) {
-        Solver::grid_update(self, dt_s, time_s);
+    fn grid_update(&mut self, dt_s: f64, time_s: f64) -> Vec<Reaction> {
+        Solver::grid_update(self, dt_s, time_s)
     }
     fn g2p(&mut self, dt_s: f64) -> Moved {
         Solver::g2p(self, dt_s).into()

@@ -11,7 +11,7 @@ use super::tile::{BLOCK, Layout};
 pub struct Tables<const D: usize> {
     /// Coordinates of the grid blocks: lowest node / 4.
     pub blocks: Vec<[i32; D]>,
-    grids: usize,
+    pub grids: usize,
     /// Entries of a tile.
     tile: usize,
     /// Node of every entry of every tile.

@@ -5,6 +5,7 @@ use wgpu::BufferUsages as Usage;
 use super::device::{Gpu, STORAGE_BUFFERS};
 use super::layout::{self, BLOCK_NODES, NODE_CHANNELS, VELOCITY_CHANNELS, WORK_MAX};
 use crate::engine::EngineError;
+use crate::sim::reaction::WALLS;
 
 /// Steps whose collider poses are uploaded at once, the most that one submission holds.
 pub const CHUNK_STEPS: usize = 256;
@@ -28,7 +29,7 @@ pub struct Sizes {
 }
 
 impl Sizes {
-    /// Bytes by binding 1…25, in order.
+    /// Bytes by binding 1…26, in order.
     fn bytes(&self) -> [(&'static str, usize); STORAGE_BUFFERS as usize] {
         let grid = self.capacity * self.grids * BLOCK_NODES * NODE_CHANNELS * 4;
         let particles = self.particles;
@@ -58,7 +59,13 @@ impl Sizes {
             ("colliders", self.colliders.max(1) * size_of::<layout::Collider>()),
             ("poses", (self.colliders.max(1) * CHUNK_STEPS) * size_of::<layout::Pose>()),
             ("sdf_samples", self.sdf_samples.max(1) * 4),
+            ("reactions", layout::REPLICAS * self.reaction_sums() * 8),
         ]
+    }
+
+    /// Sums of one replica of the surfaces' reactions.
+    pub fn reaction_sums(&self) -> usize {
+        6 * (WALLS + self.colliders)
     }
 
     /// Device memory that the scene takes (bytes).
@@ -111,6 +118,7 @@ pub mod binding {
     pub const COLLIDERS: usize = 23;
     pub const POSES: usize = 24;
     pub const SDF_SAMPLES: usize = 25;
+    pub const REACTIONS: usize = 26;
 }
 
 /// First bindings of the `_in`/`_out` pairs.

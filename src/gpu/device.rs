@@ -10,7 +10,7 @@ use crate::engine::{Backend, EngineError};
 use crate::sim::problem::{Kernel, Material, Problem, Transfer};
 
 /// Storage buffers of the one bind group that all stages share.
-pub const STORAGE_BUFFERS: u32 = 25;
+pub const STORAGE_BUFFERS: u32 = 26;
 /// Workgroup memory that the largest stage takes (bytes): read tile, scatter tile and tables of the compact kernel.
 const WORKGROUP_BYTES: u32 = 22 * 1024;
 

@@ -14,6 +14,7 @@ use crate::engine::{Backend, Control, Engine, EngineError, FrameStats};
 use crate::sim::divergence::{Suspect, likely_cause};
 use crate::sim::particles::Particles;
 use crate::sim::problem::{Kernel, Precision, Problem, Transfer};
+use crate::sim::reaction::{self, Reaction};
 use crate::sim::timestep::{self, Extremes};
 
 /// Fixed-point units of a full node's mass, and of its momentum at the velocity of scale: 2^27 leaves a factor of 4 up to the
@@ -52,6 +53,8 @@ struct Segment {
     /// Steps done.
     steps: u64,
     halt: u32,
+    /// Impulses that surfaces took.
+    impulses: Vec<Reaction>,
 }
 
 /// Whether the GPU engine can run a problem at all; the reason if not.
@@ -241,6 +244,7 @@ impl GpuEngine {
             encoder.clear_buffer(self.buffers.of_side(binding::TABLE, side), 0, None);
             encoder.clear_buffer(self.buffers.of_side(binding::BLOCKS, side), 0, Some(4));
         }
+        encoder.clear_buffer(self.buffers.get(binding::REACTIONS), 0, None);
         self.gpu.queue.submit([encoder.finish()]);
         self.submit([(&FRAME_START[..], 1)]);
     }
@@ -277,11 +281,15 @@ impl GpuEngine {
                     return Err(self.failure(&end, dt_s));
                 }
                 self.arrive(&end);
-                return Ok(Segment { steps: done + 1, halt: status.halt });
+                return Ok(Segment { steps: done + 1, halt: status.halt, impulses: self.impulses()? });
             }
             self.arrive(&status);
-            return Ok(Segment { steps: total, halt: 0 });
+            return Ok(Segment { steps: total, halt: 0, impulses: self.impulses()? });
         }
+    }
+
+    fn impulses(&self) -> Result<Vec<Reaction>, EngineError> {
+        readback::reactions(&self.gpu, &self.buffers, &self.params)
     }
 
     /// Submits steps `done..total`, at most two chunks ahead of the device, and nothing is read back.
@@ -377,6 +385,8 @@ impl Engine for GpuEngine {
         let mut done_s = 0.0;
         let mut longest_s = f64::INFINITY;
         self.isolated = 0;
+        let start_s = self.time_s;
+        let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.problem)];
         for _ in 0..MAX_PLANS {
             // The bound on node speeds has the affine part in it.
             let extremes = Extremes { speed_m_s: self.max_speed, affine_rate_1_s: 0.0, demand_1_s2: self.max_demand };
@@ -388,6 +398,7 @@ impl Engine for GpuEngine {
             self.steps += segment.steps;
             self.time_s += segment.steps as f64 * plan.dt_s;
             done_s += segment.steps as f64 * plan.dt_s;
+            reaction::add_all(&mut impulses, &segment.impulses);
             if segment.halt & layout::HALT_MASS != 0 {
                 self.mass_range *= 4.0;
                 self.momentum_range *= 4.0;
@@ -396,7 +407,10 @@ impl Engine for GpuEngine {
                 self.momentum_range *= 8.0;
             }
             if segment.steps == plan.steps {
-                return Ok(FrameStats { steps, dt_s: frame_s / steps as f64, isolated_reset: self.isolated });
+                self.time_s = start_s + frame_s;
+                let reactions = impulses.iter().map(|j| j.times(1.0 / frame_s)).collect();
+                let isolated_reset = self.isolated;
+                return Ok(FrameStats { steps, dt_s: frame_s / steps as f64, isolated_reset, reactions });
             }
         }
         Err(EngineError::Diverged {

@@ -13,6 +13,11 @@ pub const PAD_BLOCKS: usize = 2;
 /// Most particles in a work item (`WORK_MAX` in the shaders).
 pub const WORK_MAX: usize = 1024;
 
+/// Copies of the surfaces' sums, which the host adds up (`REPLICAS` in the shaders).
+pub const REPLICAS: usize = 16;
+/// Units of such a sum per fixed-point unit of momentum (`REACTION_UNITS` in the shaders).
+pub const REACTION_UNITS: f64 = 64.0;
+
 pub const HALT_BLOCKS: u32 = 1;
 pub const HALT_REPLAN: u32 = 2;
 pub const HALT_ERROR: u32 = 4;

@@ -4,11 +4,12 @@ use bytemuck::Pod;
 
 use super::buffers::{Buffers, binding};
 use super::device::Gpu;
-use super::layout::{BLOCK_NODES, NODE_CHANNELS, Params};
+use super::layout::{BLOCK_NODES, NODE_CHANNELS, Params, REACTION_UNITS, REPLICAS};
 use super::upload::{Frame, grid_offsets};
 use crate::engine::EngineError;
 use crate::sim::particles::Particles;
 use crate::sim::problem::Problem;
+use crate::sim::reaction::Reaction;
 
 /// A grid node as the device sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,6 +50,23 @@ pub fn particles(gpu: &Gpu, b: &Buffers, frame: &Frame) -> Result<Particles, Eng
     let velocity: Vec<f32> = read(gpu, b.get(binding::FRAME_VELOCITY), 12 * n)?;
     let deformation: Vec<f32> = read(gpu, b.get(binding::FRAME_DEFORMATION), b.sizes.channels * n)?;
     Ok(frame.particles(&position, &velocity, &deformation))
+}
+
+/// What the surfaces took since the sums were cleared: impulses and moments.
+pub fn reactions(gpu: &Gpu, b: &Buffers, params: &Params) -> Result<Vec<Reaction>, EngineError> {
+    let n = b.sizes.reaction_sums();
+    let words: Vec<[u32; 2]> = read(gpu, b.get(binding::REACTIONS), REPLICAS * n)?;
+    let sum = |k: usize| -> f64 {
+        let value = |[low, high]: [u32; 2]| (u64::from(high) << 32 | u64::from(low)) as i64;
+        (0..REPLICAS).fold(0i64, |sum, r| sum.wrapping_add(value(words[r * n + k]))) as f64
+    };
+    // Both grids of a pair carry all mass.
+    let unit = 1.0 / (REACTION_UNITS * f64::from(params.momentum_scale) * b.sizes.grids as f64);
+    let reaction = |first: usize| Reaction {
+        force: [0, 1, 2].map(|k| sum(first + k) * unit),
+        torque: [3, 4, 5].map(|k| sum(first + k) * unit * f64::from(params.dx)),
+    };
+    Ok((0..n).step_by(6).map(reaction).collect())
 }
 
 /// Nodes with mass on a side. `updated`: whether the grid update has run there.

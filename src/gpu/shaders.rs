@@ -116,7 +116,7 @@ pub fn source(stage: Stage, kernel: Kernel) -> String {
     });
     match stage {
         Stage::Launch | Stage::Prepare | Stage::Commit => parts.push(wgsl!("shared/dispatch.wgsl")),
-        Stage::GridUpdate => parts.push(wgsl!("shared/collide.wgsl")),
+        Stage::GridUpdate => parts.extend([wgsl!("shared/reactions.wgsl"), wgsl!("shared/collide.wgsl")]),
         Stage::P2g | Stage::G2p2g | Stage::G2p => parts.extend(TRANSFER),
         _ => {}
     }

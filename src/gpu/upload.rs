@@ -4,7 +4,7 @@ use super::layout::{self, PAD_BLOCKS, Params};
 use crate::engine::EngineError;
 use crate::material::Law;
 use crate::scene::schema::Elasticity;
-use crate::sim::collider::{Collider, Pose, Primitive, SdfOp};
+use crate::sim::collider::{Collider, Primitive, SdfOp};
 use crate::sim::particles::Particles;
 use crate::sim::problem::{Axis, Contact, ContactKind, Kernel, Material, Problem};
 use crate::sim::timestep::demands_at_rest_1_s2;
@@ -308,20 +308,20 @@ fn sdf_op(op: &SdfOp, origin: [f64; 3], samples: &mut Vec<f32>) -> layout::SdfOp
 
 /// Pose of a collider at a time, for positions relative to `domain.min`.
 pub fn pose(collider: &Collider, origin: [f64; 3], time_s: f64) -> layout::Pose {
-    let Pose { rotation: r, translation: t } = collider.motion.pose(time_s);
+    let now = collider.motion.at(time_s);
+    let (r, t) = (now.pose.rotation, now.pose.translation);
     // x_start + origin = Rᵀ (x + origin - t)  ⇒  x_start = Rᵀ (x - t'), t' = t - origin + R origin
     let shifted: [f64; 3] =
         std::array::from_fn(|i| t[i] - origin[i] + (0..3).map(|a| r[3 * i + a] * origin[a]).sum::<f64>());
     let row = |i: usize| [r[i] as f32, r[3 + i] as f32, r[6 + i] as f32, shifted[i] as f32];
-    let m = &collider.motion;
-    let center = std::array::from_fn::<f64, 3, _>(|a| m.center[a] + m.linear_velocity[a] * time_s - origin[a]);
-    let pad = |v: [f64; 3]| [v[0] as f32, v[1] as f32, v[2] as f32, 0.0];
+    let center = std::array::from_fn::<f64, 3, _>(|a| now.center[a] - origin[a]);
+    let with = |v: [f64; 3], w: f32| [v[0] as f32, v[1] as f32, v[2] as f32, w];
     layout::Pose {
         r0: row(0),
         r1: row(1),
         r2: row(2),
-        linear: pad(m.linear_velocity),
-        angular: pad(m.angular_velocity),
-        center: pad(center),
+        linear: with(now.linear_velocity, if collider.is_present(time_s) { 1.0 } else { 0.0 }),
+        angular: with(now.angular_velocity, 0.0),
+        center: with(center, 0.0),
     }
 }

@@ -1,37 +1,53 @@
 //! `/colliders` and `/tf`: obstacles and the domain as `foxglove.SceneUpdate`, motions as `foxglove.FrameTransform`.
 //!
-//! Shapes are sent once, with frame 0, in the frame of their collider; a moving collider's frame is sent with every frame.
+//! Shapes are sent in the frame of their collider, all of them with frame 0 and whenever one comes or goes, so that a viewer that
+//! jumps finds them in the last message; a moving collider's frame is sent with every frame.
 
 use foxglove::messages::{
     Color, CubePrimitive, CylinderPrimitive, Duration, FrameTransform, LinePrimitive, Point3, Pose, Quaternion,
-    SceneEntity, SceneUpdate, SpherePrimitive, Timestamp, TriangleListPrimitive, Vector3, line_primitive,
+    SceneEntity, SceneEntityDeletion, SceneUpdate, SpherePrimitive, Timestamp, TriangleListPrimitive, Vector3,
+    line_primitive, scene_entity_deletion,
 };
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use super::surface;
 use super::writer::WORLD;
-use crate::sim::collider::{Collider, Motion, Primitive, Sdf, SdfOp};
+use crate::sim::collider::{Collider, Primitive, Sdf, SdfOp};
 use crate::sim::problem::Problem;
 
 /// Cells along the longest side of a meshed collider.
 const RESOLUTION: usize = 64;
 
-/// All shapes at time 0.
-pub fn scene(problem: &Problem, timestamp: Timestamp) -> SceneUpdate {
+/// Which colliders are there.
+pub fn present(problem: &Problem, time_s: f64) -> Vec<bool> {
+    problem.colliders.iter().map(|collider| collider.is_present(time_s)).collect()
+}
+
+/// The shapes of all colliders that are there, as they were at time 0, and the removal of all others.
+pub fn scene(problem: &Problem, present: &[bool], timestamp: Timestamp) -> SceneUpdate {
     let mut entities =
         vec![SceneEntity { lines: vec![domain_outline(problem)], ..entity("domain", WORLD.into(), timestamp) }];
-    for collider in &problem.colliders {
-        let frame = if moves(collider) { frame_name(collider) } else { WORLD.into() };
+    let mut deletions = Vec::new();
+    for (collider, present) in problem.colliders.iter().zip(present) {
+        if !present {
+            deletions.push(SceneEntityDeletion {
+                timestamp: Some(timestamp),
+                r#type: scene_entity_deletion::Type::MatchingId.into(),
+                id: collider.name.clone(),
+            });
+            continue;
+        }
+        let frame = if collider.motion.moves() { frame_name(collider) } else { WORLD.into() };
         let mut shape = entity(&collider.name, frame, timestamp);
-        draw(problem, &collider.sdf, &mut shape);
+        draw(problem, collider, &mut shape);
         entities.push(shape);
     }
-    SceneUpdate { entities, ..Default::default() }
+    SceneUpdate { entities, deletions }
 }
 
 /// Where the frames of the moving colliders are.
 pub fn transforms(problem: &Problem, time_s: f64, timestamp: Timestamp) -> Vec<FrameTransform> {
-    let moving = problem.colliders.iter().filter(|collider| moves(collider));
+    let moving = problem.colliders.iter().filter(|collider| collider.motion.moves());
     let transform = |collider: &Collider| {
         let pose = collider.motion.pose(time_s);
         FrameTransform {
@@ -45,9 +61,9 @@ pub fn transforms(problem: &Problem, time_s: f64, timestamp: Timestamp) -> Vec<F
     moving.map(transform).collect()
 }
 
-/// True for hollow shapes, so that what they hold is seen.
-pub fn translucent(sdf: &Sdf) -> bool {
-    sdf.ops.iter().any(|op| matches!(op, SdfOp::Difference | SdfOp::Shell(_)))
+/// True for hollow shapes and grips, so that what they hold is seen.
+pub fn translucent(collider: &Collider) -> bool {
+    collider.grip || collider.sdf.ops.iter().any(|op| matches!(op, SdfOp::Difference | SdfOp::Shell(_)))
 }
 
 /// Lower and upper corner of the domain; 2D scenes get one cell of thickness about z = 0.
@@ -59,10 +75,6 @@ pub fn domain_box(problem: &Problem) -> [[f64; 3]; 2] {
     }
     let half = 0.5 * problem.dx;
     [[lower[0], lower[1], -half], [upper[0], upper[1], half]]
-}
-
-pub fn moves(collider: &Collider) -> bool {
-    collider.motion != Motion { center: collider.motion.center, ..Default::default() }
 }
 
 fn frame_name(collider: &Collider) -> String {
@@ -82,8 +94,9 @@ fn entity(id: &str, frame_id: String, timestamp: Timestamp) -> SceneEntity {
 }
 
 /// Adds a solid to an entity: as one of the viewer's primitives where there is one, else as triangles.
-fn draw(problem: &Problem, sdf: &Sdf, entity: &mut SceneEntity) {
-    let color = Some(Color { r: 0.55, g: 0.58, b: 0.62, a: if translucent(sdf) { 0.4 } else { 1.0 } });
+fn draw(problem: &Problem, collider: &Collider, entity: &mut SceneEntity) {
+    let sdf: &Sdf = &collider.sdf;
+    let color = Some(Color { r: 0.55, g: 0.58, b: 0.62, a: if translucent(collider) { 0.4 } else { 1.0 } });
     if let ([SdfOp::Primitive { primitive, rotation, translation }], 3) = (sdf.ops.as_slice(), problem.dimension) {
         // The program's rotation leads into the primitive's frame; a pose leads out of it.
         let orientation = Matrix3::from_row_slice(rotation).transpose();

@@ -1,6 +1,7 @@
 //! [`Row`] as the protobuf message of `api/gridfall_diagnostics.proto`.
 //!
-//! Field numbers are column positions from 1, so columns may only be added at the end; a test compares with the file.
+//! Field numbers are column positions from 1, so columns may only be added at the end; the surfaces, of which each scene has its
+//! own, are a repeated field far behind. A test compares with the file.
 
 use prost::Message;
 use prost_types::field_descriptor_proto::{Label, Type};
@@ -16,6 +17,31 @@ pub fn schema() -> Vec<u8> {
     descriptor_set().encode_to_vec()
 }
 
+/// Number of the field that lists the surfaces.
+const REACTIONS: u32 = 100;
+
+/// Fields of a surface's message, after its name.
+const QUANTITIES: [&str; 6] = ["force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z"];
+
+/// What a surface bears, as a message.
+#[derive(Clone, PartialEq, Message)]
+struct ReactionMessage {
+    #[prost(string, tag = "1")]
+    name: String,
+    #[prost(double, tag = "2")]
+    force_x: f64,
+    #[prost(double, tag = "3")]
+    force_y: f64,
+    #[prost(double, tag = "4")]
+    force_z: f64,
+    #[prost(double, tag = "5")]
+    torque_x: f64,
+    #[prost(double, tag = "6")]
+    torque_y: f64,
+    #[prost(double, tag = "7")]
+    torque_z: f64,
+}
+
 fn descriptor_set() -> FileDescriptorSet {
     let types = Row::default().values().map(|value| match value {
         Value::Count(_) => Type::Uint64,
@@ -29,15 +55,25 @@ fn descriptor_set() -> FileDescriptorSet {
         r#type: Some(kind.into()),
         ..Default::default()
     };
+    let reactions = FieldDescriptorProto {
+        label: Some(Label::Repeated.into()),
+        type_name: Some(".gridfall.Reaction".into()),
+        ..field(((&"reactions", Type::Message), REACTIONS as i32))
+    };
+    let quantities = QUANTITIES.iter().map(|name| (name, Type::Double));
+    let reaction = [(&"name", Type::String)].into_iter().chain(quantities).zip(1..).map(field).collect();
     FileDescriptorSet {
         file: vec![FileDescriptorProto {
             name: Some("gridfall_diagnostics.proto".into()),
             package: Some("gridfall".into()),
-            message_type: vec![DescriptorProto {
-                name: Some("Diagnostics".into()),
-                field: Row::COLUMNS.iter().zip(types).zip(1..).map(field).collect(),
-                ..Default::default()
-            }],
+            message_type: vec![
+                DescriptorProto {
+                    name: Some("Diagnostics".into()),
+                    field: Row::COLUMNS.iter().zip(types).zip(1..).map(field).chain([reactions]).collect(),
+                    ..Default::default()
+                },
+                DescriptorProto { name: Some("Reaction".into()), field: reaction, ..Default::default() },
+            ],
             syntax: Some("proto3".into()),
             ..Default::default()
         }],
@@ -65,6 +101,12 @@ pub fn encode(row: &Row) -> Vec<u8> {
             Value::Count(n) => prost::encoding::uint64::encode(number, &n, &mut bytes),
             Value::Real(x) => prost::encoding::double::encode(number, &x, &mut bytes),
         }
+    }
+    for (surface, reaction) in &row.reactions {
+        let ([force_x, force_y, force_z], [torque_x, torque_y, torque_z]) = (reaction.force, reaction.torque);
+        let name = surface.name.clone();
+        let message = ReactionMessage { name, force_x, force_y, force_z, torque_x, torque_y, torque_z };
+        prost::encoding::message::encode(REACTIONS, &message, &mut bytes);
     }
     bytes
 }

@@ -67,6 +67,8 @@ pub struct Writer {
     camera: Camera,
     /// Sequence number and time (ns) of the frame that was written last.
     now: (u32, u64),
+    /// Colliders in the last scene that was sent.
+    present: Option<Vec<bool>>,
     /// Lines of the log that go with the next frame.
     lines: Vec<(Level, String)>,
 }
@@ -111,6 +113,7 @@ impl Writer {
                 points,
                 camera,
                 now: (0, 0),
+                present: None,
                 lines: vec![],
             }),
             Err(source) => Err(RecordingError::Mcap { path: partial, source }),
@@ -124,8 +127,11 @@ impl Writer {
     pub fn frame(&mut self, problem: &Problem, particles: &Particles, row: &Row) -> Result<(), RecordingError> {
         let (nanos, timestamp) = stamp(row.time_s);
         self.now = (row.frame as u32, nanos);
-        if row.frame == 0 {
-            self.message(self.channels.colliders, &colliders::scene(problem, timestamp))?;
+        let present = Some(colliders::present(problem, row.time_s));
+        if present != self.present {
+            let shown = present.as_deref().unwrap_or_default();
+            self.message(self.channels.colliders, &colliders::scene(problem, shown, timestamp))?;
+            self.present = present;
         }
         for transform in colliders::transforms(problem, row.time_s, timestamp) {
             self.message(self.channels.tf, &transform)?;

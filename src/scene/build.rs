@@ -2,11 +2,12 @@
 
 use rayon::prelude::*;
 
+use super::build_motion::colliders;
 use super::sampling::Lattice;
 use super::schema::{self, Boundary, ContactKind, Material, Sampling, Scene, Shape, Transfer};
 use super::solid::{sdf, vector3};
 use crate::material::initial_plastic_state;
-use crate::sim::collider::{Collider, Motion, Sdf, rotate};
+use crate::sim::collider::{Sdf, rotate};
 use crate::sim::moments::moment_matrix;
 use crate::sim::particles::{IDENTITY, Particles};
 use crate::sim::problem::{Axis, Body, Contact, Problem};
@@ -58,7 +59,7 @@ pub(super) fn build(scene: &Scene) -> Problem {
         gravity: scene.gravity.as_deref().map_or([0.0; 3], vector3),
         materials: scene.materials.values().cloned().collect(),
         bodies: Vec::new(),
-        colliders: scene.colliders.iter().map(|c| collider(c, dimension)).collect(),
+        colliders: colliders(scene),
         particles: Particles::default(),
         kernel: scene.solver.kernel,
         transfer: scene.solver.transfer,
@@ -93,28 +94,8 @@ fn axis(domain: &schema::Domain, a: usize, dimension: usize) -> Axis {
     Axis::Walls([wall("-"), wall("+")])
 }
 
-fn collider(collider: &schema::Collider, dimension: usize) -> Collider {
-    let sdf = sdf(&collider.shape, dimension);
-    let motion = collider.motion.clone().unwrap_or_default();
-    let [lower, upper] = sdf.bounds();
-    let middle = std::array::from_fn(|a| {
-        let middle = 0.5 * (lower[a] + upper[a]);
-        if a < dimension && middle.is_finite() { middle } else { 0.0 }
-    });
-    Collider {
-        name: collider.name.clone(),
-        sdf,
-        contact: Contact { kind: collider.contact, friction: collider.friction },
-        motion: Motion {
-            center: motion.center.as_deref().map_or(middle, vector3),
-            linear_velocity: motion.linear_velocity.as_deref().map_or([0.0; 3], vector3),
-            angular_velocity: motion.angular_velocity.as_deref().map_or([0.0; 3], spin),
-        },
-    }
-}
-
 /// Angular velocity as three components; one component turns about z.
-fn spin(w: &[f64]) -> [f64; 3] {
+pub(super) fn spin(w: &[f64]) -> [f64; 3] {
     if let [w] = w { [0.0, 0.0, *w] } else { vector3(w) }
 }
 

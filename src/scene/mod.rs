@@ -5,6 +5,7 @@
 
 pub mod assets;
 mod build;
+mod build_motion;
 mod document;
 pub mod estimate;
 mod fault;
@@ -20,6 +21,7 @@ mod structure;
 mod suggest;
 mod validate;
 mod validate_material;
+mod validate_motion;
 mod validate_points;
 mod validate_shape;
 

@@ -32,6 +32,9 @@ pub fn resolve(scene: &Scene, limits: &Limits, assets: &dyn Assets, faults: &mut
         if let Some(points) = &mut body.points {
             points.read = resolver.points(points, &format!("/bodies/{n}/points"));
         }
+        for (k, grip) in body.grips.iter_mut().enumerate() {
+            resolver.shape(&mut grip.shape, &format!("/bodies/{n}/grips/{k}/shape"), spacing);
+        }
     }
     for (n, collider) in scene.colliders.iter_mut().enumerate() {
         resolver.shape(&mut collider.shape, &format!("/colliders/{n}/shape"), spacing);

@@ -4,8 +4,10 @@
 //! These types say what a scene may *look* like; whether it makes sense is decided by `scene::validate`.
 
 mod material;
+mod motion;
 
 pub use material::{DruckerPrager, Elastic, Elasticity, Fluid, Material, Nacc, Snow, VonMises};
+pub use motion::{Collider, Grip, Keyframe, Motion};
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -136,6 +138,9 @@ pub struct Body {
     /// Initial volume ratio.
     #[serde(rename = "J", default, skip_serializing_if = "Option::is_none")]
     pub j: Option<f64>,
+    /// Regions that hold the body, or move it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub grips: Vec<Grip>,
 }
 
 /// Particles from a PLY (x, y, z; vx, vy, vz if it has them) or an npz (`x` n × d; `v` n × d, `F` n × d × d and `volume` if it has
@@ -291,35 +296,6 @@ pub type Box_ = std::boxed::Box<Shape>;
 
 fn default_axis() -> Vector {
     vec![0.0, 0.0, 1.0]
-}
-
-/// A rigid obstacle.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Collider {
-    pub name: String,
-    pub shape: Shape,
-    pub contact: ContactKind,
-    /// Coulomb friction coefficient; for `separate` only.
-    #[serde(default)]
-    pub friction: f64,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub motion: Option<Motion>,
-}
-
-/// Rigid motion of a collider.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Motion {
-    /// m/s.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub linear_velocity: Option<Vector>,
-    /// rad/s about `center`; one component in 2D.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub angular_velocity: Option<Vector>,
-    /// Centre of rotation at time 0 (m), carried along by `linear_velocity`; default: the centre of the shape's bounding box.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub center: Option<Vector>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

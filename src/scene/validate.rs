@@ -9,10 +9,11 @@ use super::estimate;
 use super::fault::{Faults, join, plain};
 use super::poisson;
 use super::sampling::Lattice;
-use super::schema::{Body, Boundary, Collider, ContactKind, Domain, Output, Sampling, Scene, Shape, Solver, Time};
+use super::schema::{Body, Boundary, ContactKind, Domain, Output, Sampling, Scene, Shape, Solver, Time};
 use super::solid::{sdf, vector3};
 use super::suggest::{closest, list, quote};
 use super::validate_material::check_material;
+use super::validate_motion::check_colliders;
 use super::validate_points::check_points;
 use super::validate_shape::check_shape;
 
@@ -48,7 +49,7 @@ pub fn check(scene: &Scene, limits: &Limits, faults: &mut Faults) {
         check_material(&mut check, &join("/materials", name), material);
     }
     check.bodies();
-    check.colliders();
+    check_colliders(&mut check, scene);
     check.time(&scene.time);
     check.solver(&scene.solver);
     check.output(&scene.output);
@@ -72,7 +73,7 @@ impl Check<'_> {
         ["/dimension", "/domain/min", "/domain/max", "/domain/dx"].iter().all(|at| self.faults.clean(at))
     }
 
-    fn name(&mut self, at: &str, name: &str) {
+    pub fn name(&mut self, at: &str, name: &str) {
         if name.trim().is_empty() {
             self.faults.add(at, "empty", "the name is empty", "give it a name");
         } else if name.chars().count() > 200 {
@@ -117,7 +118,7 @@ impl Check<'_> {
         }
     }
 
-    fn angular(&mut self, at: &str, w: &[f64]) {
+    pub fn angular(&mut self, at: &str, w: &[f64]) {
         if self.has_dimension() {
             self.vector_of(at, w, if self.dimension == 2 { 1 } else { 3 });
         }
@@ -206,7 +207,7 @@ impl Check<'_> {
         }
     }
 
-    fn contact(&mut self, at: &str, kind: ContactKind, friction: f64) {
+    pub fn contact(&mut self, at: &str, kind: ContactKind, friction: f64) {
         let known = self.faults.clean(&join(at, "contact"));
         let at = join(at, "friction");
         self.not_negative(&at, friction, "the friction coefficient");
@@ -216,7 +217,7 @@ impl Check<'_> {
         }
     }
 
-    fn unique(&mut self, names: impl Iterator<Item = (String, String)>) {
+    pub fn unique(&mut self, names: impl Iterator<Item = (String, String)>) {
         let mut seen: BTreeMap<String, String> = BTreeMap::new();
         for (at, name) in names {
             self.name(&at, &name);
@@ -396,39 +397,6 @@ impl Check<'_> {
             }
         }
         Some(particles)
-    }
-
-    fn colliders(&mut self) {
-        let colliders = &self.scene.colliders;
-        self.unique(colliders.iter().enumerate().map(|(n, c)| (format!("/colliders/{n}/name"), c.name.clone())));
-        for (n, collider) in colliders.iter().enumerate() {
-            self.collider(&format!("/colliders/{n}"), collider);
-        }
-    }
-
-    fn collider(&mut self, at: &str, collider: &Collider) {
-        let shape_at = join(at, "shape");
-        check_shape(self, &shape_at, &collider.shape);
-        self.contact(at, collider.contact, collider.friction);
-        let Some(motion) = &collider.motion else { return };
-        let at = join(at, "motion");
-        if let Some(velocity) = &motion.linear_velocity {
-            self.vector(&join(&at, "linear_velocity"), velocity);
-        }
-        if let Some(center) = &motion.center {
-            self.vector(&join(&at, "center"), center);
-        }
-        if let Some(spin) = &motion.angular_velocity {
-            self.angular(&join(&at, "angular_velocity"), spin);
-            let turns = spin.iter().any(|w| *w != 0.0) && motion.center.is_none();
-            if turns && self.has_dimension() && self.faults.clean(&shape_at) {
-                let [lower, upper] = sdf(&collider.shape, self.dimension).bounds();
-                if (0..self.dimension).any(|a| !(lower[a] + upper[a]).is_finite()) {
-                    let reason = "an unbounded shape turns and has no centre to turn about";
-                    self.faults.add(&join(&at, "center"), "missing_field", reason, "add `center`");
-                }
-            }
-        }
     }
 
     fn time(&mut self, time: &Time) {

@@ -194,7 +194,7 @@ fn several(check: &mut Check, at: &str, key: &str, shapes: &[Shape], least: usiz
 }
 
 /// A vector that is not zero.
-fn direction(check: &mut Check, at: &str, v: &[f64]) {
+pub(super) fn direction(check: &mut Check, at: &str, v: &[f64]) {
     check.vector(at, v);
     if check.faults.clean(at) && v.iter().all(|a| *a == 0.0) {
         check.fault(at, "zero_vector", "a direction of length zero", "write a vector that is not zero");

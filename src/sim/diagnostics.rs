@@ -2,11 +2,11 @@
 
 use nalgebra::Matrix3;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use super::moments::moment_matrix;
 use super::particles::Particles;
 use super::problem::{Problem, Transfer};
+use super::reaction::{Reaction, Surface, named_surfaces};
 use crate::engine::FrameStats;
 use crate::material;
 
@@ -33,17 +33,19 @@ impl From<f64> for Value {
 macro_rules! columns {
     ($($(#[doc = $doc:literal])+ $name:ident: $type:ty,)+) => {
         /// One row of diagnostics. The field names are the columns of the CSV, the keys of the JSON and the fields of the protobuf.
-        #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+        #[derive(Clone, Debug, Default, PartialEq)]
         #[allow(non_snake_case)]
         pub struct Row {
             $($(#[doc = $doc])+ pub $name: $type,)+
+            /// What the problem's surfaces bear, by [`named_surfaces`]; their columns follow the fixed ones.
+            pub reactions: Vec<(Surface, Reaction)>,
         }
 
         impl Row {
-            /// Column names, in order.
+            /// Names of the columns that all scenes have, in order.
             pub const COLUMNS: &'static [&'static str] = &[$(stringify!($name)),+];
 
-            /// The values of all columns, in order.
+            /// The values of these columns, in order.
             pub fn values(&self) -> [Value; Self::COLUMNS.len()] {
                 [$(self.$name.into()),+]
             }
@@ -130,21 +132,32 @@ impl Row {
             max_speed: total.max_speed2.sqrt(),
             min_J: total.min_j,
             isolated_reset: stats.isolated_reset,
+            reactions: named_surfaces(problem)
+                .into_iter()
+                .map(|surface| {
+                    let reaction = stats.reactions.get(surface.index).copied().unwrap_or_default();
+                    (surface, reaction)
+                })
+                .collect(),
         }
     }
 
-    /// The header line of the CSV, without line end.
-    pub fn csv_header() -> String {
-        Self::COLUMNS.join(",")
+    /// The header line of the CSV, without line end. What would break a line in a collider's name is written `_`.
+    pub fn csv_header(problem: &Problem) -> String {
+        let surfaces = named_surfaces(problem);
+        let plain = |name: String| name.replace(|c: char| c.is_control() || c == ',' || c == '"', "_");
+        let dynamic = surfaces.iter().flat_map(Surface::columns).map(plain);
+        Self::COLUMNS.iter().map(|name| name.to_string()).chain(dynamic).collect::<Vec<_>>().join(",")
     }
 
     /// The row as a line of CSV, without line end. Numbers round-trip.
     pub fn csv(&self) -> String {
-        let cells = self.values().map(|value| match value {
+        let dynamic = self.reactions.iter().flat_map(|(surface, reaction)| surface.values(reaction).map(Value::Real));
+        let cells = self.values().into_iter().chain(dynamic).map(|value| match value {
             Value::Count(n) => n.to_string(),
             Value::Real(x) => format!("{x:?}"),
         });
-        cells.join(",")
+        cells.collect::<Vec<_>>().join(",")
     }
 }
 
@@ -303,7 +316,13 @@ mod tests {
     }
 
     fn measure(problem: &Problem) -> Row {
-        Row::measure(problem, &problem.particles, 3, 0.3, &FrameStats { steps: 4, dt_s: 0.025, isolated_reset: 1 })
+        Row::measure(
+            problem,
+            &problem.particles,
+            3,
+            0.3,
+            &FrameStats { steps: 4, dt_s: 0.025, isolated_reset: 1, reactions: vec![] },
+        )
     }
 
     /// Gives every particle the velocity ω × (x − center) and the affine state that goes with it, B = [ω]ₓ D.
@@ -394,13 +413,39 @@ mod tests {
     }
 
     #[test]
-    fn csv_and_json_have_the_same_names() {
-        let row = measure(&cube(Kernel::Compact, Transfer::Mls));
-        let json = serde_json::to_value(row).unwrap();
-        assert_eq!(json.as_object().unwrap().len(), Row::COLUMNS.len());
-        assert_eq!(Row::csv_header().split(',').count(), row.csv().split(',').count());
-        for (name, cell) in Row::csv_header().split(',').zip(row.csv().split(',')) {
-            assert_eq!(json[name].as_f64().unwrap(), cell.parse::<f64>().unwrap(), "{name}");
-        }
+    fn surfaces_have_columns_behind_the_fixed_ones() {
+        use crate::scene::{self, Limits};
+        let scene = r#"{ "gridfall": 1, "name": "t", "dimension": 2,
+            "domain": { "min": [0, 0], "max": [1, 1], "dx": 0.125, "boundary": { "x": "periodic" } },
+            "materials": { "m": { "model": "neo-hookean", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 } },
+            "bodies": [ { "name": "b", "material": "m", "shape": { "box": { "min": [0.25, 0.25], "max": [0.5, 0.5] } } } ],
+            "colliders": [ { "name": "a, b", "contact": "slip", "shape": { "sphere": { "center": [0.5, 0.5], "radius": 0.1 } } } ],
+            "time": { "end": 1 } }"#;
+        let problem = scene::problem(&scene::parse(scene).unwrap(), &Limits::default()).unwrap();
+        let reactions = (0..7).map(|n| Reaction { force: [f64::from(n); 3], torque: [0.5; 3] }).collect();
+        let stats = FrameStats { reactions, ..FrameStats::default() };
+        let row = Row::measure(&problem, &problem.particles, 1, 0.1, &stats).csv();
+        let header = Row::csv_header(&problem);
+        let columns: Vec<(&str, &str)> = header.split(',').zip(row.split(',')).skip(Row::COLUMNS.len()).collect();
+        let expected = [
+            ("wall_y-.force_x", "2.0"),
+            ("wall_y-.force_y", "2.0"),
+            ("wall_y-.force_z", "2.0"),
+            ("wall_y+.force_x", "3.0"),
+            ("wall_y+.force_y", "3.0"),
+            ("wall_y+.force_z", "3.0"),
+            ("a_ b.force_x", "6.0"),
+            ("a_ b.force_y", "6.0"),
+            ("a_ b.force_z", "6.0"),
+            ("a_ b.torque_x", "0.5"),
+            ("a_ b.torque_y", "0.5"),
+            ("a_ b.torque_z", "0.5"),
+        ];
+        assert_eq!(columns, expected);
+        assert_eq!(header.split(',').count(), row.split(',').count());
+        // Frame 0 has no forces.
+        let first = Row::measure(&problem, &problem.particles, 0, 0.0, &FrameStats::default());
+        assert_eq!(first.reactions.len(), 3);
+        assert!(first.reactions.iter().all(|(_, reaction)| *reaction == Reaction::default()));
     }
 }

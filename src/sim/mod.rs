@@ -9,6 +9,7 @@ pub mod linalg;
 pub mod moments;
 pub mod particles;
 pub mod problem;
+pub mod reaction;
 pub mod real;
 pub mod svd;
 pub mod timestep;

@@ -4,7 +4,7 @@ use crate::problems::*;
 use gridfall::cpu::{CpuEngine, stages};
 use gridfall::engine::{Engine, EngineError, NoControl};
 use gridfall::scene::schema::{ContactKind, Kernel};
-use gridfall::sim::collider::{Collider, Motion, Primitive, Sdf, SdfOp};
+use gridfall::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, SdfOp};
 use gridfall::sim::particles::IDENTITY;
 use gridfall::sim::problem::{Axis, Contact, Problem};
 
@@ -110,8 +110,8 @@ fn a_block_slides_with_coulomb_friction() {
 fn collider(primitive: Primitive, at: Vec3, contact: Contact, linear_velocity: Vec3) -> Collider {
     // Primitives take x to their own frame by rotation (x − translation).
     let sdf = Sdf { ops: vec![SdfOp::Primitive { primitive, rotation: IDENTITY, translation: at }] };
-    let motion = Motion { center: at, linear_velocity, angular_velocity: [0.0; 3] };
-    Collider { name: "collider".into(), sdf, contact, motion }
+    let motion = Motion { center: at, linear_velocity, ..Motion::default() };
+    Collider { name: "collider".into(), sdf, contact, motion, present_s: ALWAYS, grip: false }
 }
 
 #[test]

@@ -4,4 +4,6 @@ mod conservation;
 mod contact;
 mod elastic;
 mod one_step;
+mod prescribed;
 mod problems;
+mod reactions;

@@ -6,7 +6,7 @@ use gridfall::engine::{Control, Engine};
 use gridfall::run::{Observer, run};
 use gridfall::scene::schema::Scene;
 use gridfall::sim::problem::Problem;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::fixture::{Ballistic, Watch, messages, numbers, outputs, problem, python, record, scene};
 
@@ -124,8 +124,20 @@ fn diagnostics_agree_in_protobuf_and_csv() {
     let rows = messages(recording, "/diagnostics");
     assert_eq!(lines.clone().count(), rows.len());
     for (line, row) in lines.zip(rows) {
-        assert_eq!(row["content"].as_object().unwrap().len(), columns.len());
-        for (column, cell) in columns.iter().zip(line.split(',')) {
+        let reactions = row["content"]["reactions"].as_array().unwrap();
+        let dynamic = reactions.iter().flat_map(|reaction| {
+            let name = reaction["name"].as_str().unwrap();
+            let kinds = if name.starts_with("wall_") { &["force"][..] } else { &["force", "torque"] };
+            let quantities = kinds.iter().flat_map(|kind| ["x", "y", "z"].map(|axis| format!("{kind}_{axis}")));
+            quantities.map(move |quantity| (format!("{name}.{quantity}"), reaction[&quantity].as_f64().unwrap()))
+        });
+        let dynamic: Vec<(String, f64)> = dynamic.collect();
+        let fixed = row["content"].as_object().unwrap().len() - 1;
+        assert_eq!(fixed + dynamic.len(), columns.len());
+        for ((column, cell), (name, value)) in columns.iter().zip(line.split(',')).skip(fixed).zip(dynamic) {
+            assert_eq!((*column, cell.parse::<f64>().unwrap()), (name.as_str(), value));
+        }
+        for (column, cell) in columns.iter().zip(line.split(',')).take(fixed) {
             // 64-bit integers are strings in protobuf's JSON.
             let value = &row["content"][column];
             let value = value.as_f64().unwrap_or_else(|| value.as_str().unwrap().parse().unwrap());
@@ -138,7 +150,19 @@ fn diagnostics_agree_in_protobuf_and_csv() {
 fn colliders_are_drawn_and_move() {
     let directory = tempfile::tempdir().unwrap();
     let recording = &python(&[], &[record(&problem(0.1), directory.path()).recording])[0];
-    let entities = messages(recording, "/colliders")[0]["content"]["entities"].as_array().unwrap().clone();
+    // Frames are 0.05 s apart; the post is there from 0.05 to 0.15 s.
+    let scenes = messages(recording, "/colliders");
+    assert_eq!(scenes.len(), 3);
+    let ids = |content: &Value, kind: &str| -> Vec<String> {
+        content[kind].as_array().unwrap().iter().map(|item| item["id"].as_str().unwrap().into()).collect()
+    };
+    for (n, time) in [(0, 0), (2, 150_000_000)] {
+        assert_eq!(ids(&scenes[n]["content"], "entities"), ["domain", "paddle", "ring", "ball", "bowl"]);
+        assert_eq!(ids(&scenes[n]["content"], "deletions"), ["post"]);
+        assert_eq!(scenes[n]["log_time"], time);
+    }
+    assert!(ids(&scenes[1]["content"], "deletions").is_empty());
+    let entities = scenes[1]["content"]["entities"].as_array().unwrap().clone();
     let kinds = |kind: &str| -> Vec<&str> {
         let drawn = entities.iter().filter(|entity| !entity[kind].as_array().unwrap().is_empty());
         drawn.map(|entity| entity["id"].as_str().unwrap()).collect()

@@ -7,9 +7,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use gridfall::engine::{Backend, Control, Engine, EngineError, FrameStats};
 use gridfall::run::{FrameReport, Observer, Outputs, run};
 use gridfall::scene::schema::Scene;
-use gridfall::sim::collider::{Collider, Motion, Primitive, Sdf, SdfOp};
+use gridfall::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, SdfOp};
 use gridfall::sim::particles::{IDENTITY, Particles};
 use gridfall::sim::problem::{Axis, Body, Contact, ContactKind, Field, Problem};
+use gridfall::sim::reaction::Reaction;
 use serde_json::{Value, json};
 
 /// A stand-in for an engine: particles fly freely and stretch a little.
@@ -59,7 +60,10 @@ impl Engine for Ballistic {
             self.state.f[p][0] *= 1.001;
         }
         self.time_s += frame_s;
-        Ok(FrameStats { steps: STEPS, dt_s: frame_s / STEPS as f64, isolated_reset: self.frame % 2 })
+        let reactions =
+            (0..11).map(|n| Reaction { force: [self.frame as f64, 0.5 * f64::from(n), 0.0], torque: [-1.0; 3] });
+        let reactions = reactions.collect();
+        Ok(FrameStats { steps: STEPS, dt_s: frame_s / STEPS as f64, isolated_reset: self.frame % 2, reactions })
     }
 
     fn snapshot(&mut self) -> Result<Particles, EngineError> {
@@ -137,9 +141,20 @@ pub fn problem(spacing: f64) -> Problem {
     }
     let solid = |primitive, translation| SdfOp::Primitive { primitive, rotation: IDENTITY, translation };
     let contact = Contact { kind: ContactKind::Slip, friction: 0.0 };
-    let collider = |name: &str, ops, motion| Collider { name: name.into(), sdf: Sdf { ops }, contact, motion };
-    let spinning =
-        Motion { center: [1.0, 0.5, 0.5], linear_velocity: [0.2, 0.0, 0.0], angular_velocity: [0.0, 0.0, 1.0] };
+    let collider = |name: &str, ops, motion: &Motion| Collider {
+        name: name.into(),
+        sdf: Sdf { ops },
+        contact,
+        motion: motion.clone(),
+        present_s: if name == "post" { [0.05, 0.15] } else { ALWAYS },
+        grip: false,
+    };
+    let spinning = Motion {
+        center: [1.0, 0.5, 0.5],
+        linear_velocity: [0.2, 0.0, 0.0],
+        angular_velocity: [0.0, 0.0, 1.0],
+        keyframes: vec![],
+    };
     let still = Motion::default();
     Problem {
         name: scene.name.clone(),
@@ -152,14 +167,14 @@ pub fn problem(spacing: f64) -> Problem {
         materials: scene.materials.values().cloned().collect(),
         bodies,
         colliders: vec![
-            collider("paddle", vec![solid(Primitive::Box([0.1, 0.02, 0.2]), [1.0, 0.5, 0.5])], spinning),
-            collider("ring", vec![solid(Primitive::Torus(0.2, 0.05), [0.5, 0.5, 0.2])], still),
-            collider("post", vec![solid(Primitive::Cylinder(0.05, 0.5), [0.7, 0.2, 0.5])], still),
-            collider("ball", vec![solid(Primitive::Sphere(0.1), [1.5, 0.5, 0.8])], still),
+            collider("paddle", vec![solid(Primitive::Box([0.1, 0.02, 0.2]), [1.0, 0.5, 0.5])], &spinning),
+            collider("ring", vec![solid(Primitive::Torus(0.2, 0.05), [0.5, 0.5, 0.2])], &still),
+            collider("post", vec![solid(Primitive::Cylinder(0.05, 0.5), [0.7, 0.2, 0.5])], &still),
+            collider("ball", vec![solid(Primitive::Sphere(0.1), [1.5, 0.5, 0.8])], &still),
             collider(
                 "bowl",
                 vec![solid(Primitive::Sphere(0.3), [0.4, 0.4, 0.5]), SdfOp::Shell(0.02)],
-                Motion { linear_velocity: [0.0, 0.0, 0.1], ..still },
+                &Motion { linear_velocity: [0.0, 0.0, 0.1], ..still.clone() },
             ),
         ],
         particles,

@@ -96,11 +96,15 @@ fn distance_to(collider: Collider, x: vec3<f32>) -> f32 {
     return stack[0];
 }
 
-fn collide(v_in: vec3<f32>, x: vec3<f32>) -> vec3<f32> {
+/// `mass`: fixed-point momentum per velocity; `slot`: of the block, whose workgroup books what colliders take.
+fn collide(v_in: vec3<f32>, x: vec3<f32>, mass: f32, slot: u32) -> vec3<f32> {
     var v = v_in;
     for (var c = 0u; c < params.colliders; c++) {
         let collider = colliders[c];
         let pose = poses[(status.index - params.first_step) * params.colliders + c];
+        if (pose.linear.w == 0.0) {
+            continue;
+        }
         let h = vec4<f32>(x - vec3<f32>(pose.r0.w, pose.r1.w, pose.r2.w), 0.0);
         let local = vec3<f32>(dot(pose.r0, h), dot(pose.r1, h), dot(pose.r2, h));
         if (distance_to(collider, local) > 0.0) {
@@ -118,7 +122,9 @@ fn collide(v_in: vec3<f32>, x: vec3<f32>) -> vec3<f32> {
         // Columns of the pose's rotation are the rows that are stored.
         let n = n_local.x * pose.r0.xyz + n_local.y * pose.r1.xyz + n_local.z * pose.r2.xyz;
         let surface = pose.linear.xyz + cross(pose.angular.xyz, x - pose.center.xyz);
-        v = surface + contact(v - surface, n, collider.kind, collider.friction);
+        let after = surface + contact(v - surface, n, collider.kind, collider.friction);
+        take(slot, WALLS + c, mass * (v - after), (x - pose.center.xyz) / params.dx);
+        v = after;
     }
     return v;
 }

@@ -61,7 +61,8 @@ struct Collider { first: u32, count: u32, kind: u32, friction: f32 }
 // Pose of a collider at a step: x_start = rotationᵀ (x - translation); velocity = linear + angular × (x - center).
 struct Pose {
     r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32>, // rows of rotationᵀ; w = translation
-    linear: vec4<f32>, angular: vec4<f32>, center: vec4<f32>,
+    linear: vec4<f32>,                           // w = 1 while the collider is there, else 0
+    angular: vec4<f32>, center: vec4<f32>,
 }
 
 // A run of particles of one block, the work of one workgroup.
@@ -93,6 +94,7 @@ struct Work { block: u32, start: u32, count: u32, unused: u32 }
 @group(0) @binding(23) var<storage, read_write> colliders: array<Collider>;
 @group(0) @binding(24) var<storage, read_write> poses: array<Pose>;
 @group(0) @binding(25) var<storage, read_write> sdf_samples: array<f32>;          // of all fields, x fastest (m)
+@group(0) @binding(26) var<storage, read_write> reactions: array<atomic<u32>>;    // replica, surface, force and moment, two words
 
 override WORKGROUP: u32 = 64u;
 /// MLS-MPM (forces and velocity gradient through D⁻¹) instead of APIC (through kernel gradients).

@@ -13,8 +13,9 @@ const OBSTACLE: [f32; 3] = [0.36, 0.39, 0.43];
 pub fn draw(problem: &Problem, view: &View, balls: &[Ball], time_s: f64) -> Canvas {
     let seen = splat(view, balls);
     let width = view.size[0];
-    let poses: Vec<_> =
-        problem.colliders.iter().map(|collider| (&collider.sdf, collider.motion.pose(time_s))).collect();
+    // What a grip holds is to be seen.
+    let solid = problem.colliders.iter().filter(|collider| collider.is_present(time_s) && !collider.grip);
+    let solid: Vec<_> = solid.map(|collider| collider.at(time_s)).collect();
     let pixel = |at: usize| {
         if seen.ball[at] != u32::MAX {
             return balls[seen.ball[at] as usize].color;
@@ -22,7 +23,7 @@ pub fn draw(problem: &Problem, view: &View, balls: &[Ball], time_s: f64) -> Canv
         let [start, _] = view.ray((at % width) as f32, (at / width) as f32);
         let x = [f64::from(start.x), f64::from(start.y), 0.0];
         let inside = (0..2).all(|a| start[a] >= view.focus[0][a] && start[a] <= view.focus[1][a]);
-        let blocked = inside && poses.iter().any(|(sdf, pose)| sdf.distance(pose.to_start(x)) < 0.0);
+        let blocked = inside && solid.iter().any(|collider| collider.distance(x) < 0.0);
         if blocked { OBSTACLE } else { PAPER }
     };
     let pixels = (0..seen.ball.len()).into_par_iter().map(pixel).collect();

@@ -1,7 +1,7 @@
 //! Colliders in pictures: rays traced through their distance fields.
 
 use super::V3;
-use crate::recording::colliders::{domain_box, moves, translucent};
+use crate::recording::colliders::{domain_box, translucent};
 use crate::sim::collider::{Pose, Sdf, rotate};
 use crate::sim::problem::Problem;
 
@@ -22,20 +22,24 @@ pub struct Hit {
     pub normal: V3,
 }
 
-/// All colliders of a problem at a time; those that stand still are cut off at the domain's walls.
+/// All colliders that are there at a time; those that stand still are cut off at the domain's walls.
 pub fn obstacles(problem: &Problem, time_s: f64) -> Vec<Obstacle<'_>> {
     let to_v3 = |x: [f64; 3]| V3::from(x.map(|c| c as f32));
     let domain = domain_box(problem).map(to_v3);
     let obstacle = |collider: &'_ crate::sim::collider::Collider| {
         let bounds = collider.sdf.bounds().map(to_v3);
         let bounded = bounds.iter().all(|corner| corner.iter().all(|c| c.abs() < 1e10));
-        let clip =
-            if moves(collider) && bounded { bounds } else { [bounds[0].sup(&domain[0]), bounds[1].inf(&domain[1])] };
-        (clip, collider.motion.pose(time_s), translucent(&collider.sdf))
+        let clip = if collider.motion.moves() && bounded {
+            bounds
+        } else {
+            [bounds[0].sup(&domain[0]), bounds[1].inf(&domain[1])]
+        };
+        (clip, collider.motion.pose(time_s), translucent(collider))
     };
     problem
         .colliders
         .iter()
+        .filter(|collider| collider.is_present(time_s))
         .map(|collider| {
             let (clip, pose, translucent) = obstacle(collider);
             Obstacle { sdf: &collider.sdf, pose, clip, translucent }

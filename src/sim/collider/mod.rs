@@ -1,59 +1,17 @@
 //! Rigid obstacles: a signed distance field, a contact and a motion.
 
 mod field;
+mod motion;
 mod sdf;
 
 pub use field::Field;
+pub use motion::{Instant, Keyframe, Motion, Pose, TIME_TIE_S};
 pub use sdf::{FLAT_HALF_EXTENT, Primitive, SDF_STACK, Sdf, SdfOp, axis_angle, rotate, rotate_back};
 
-use super::particles::IDENTITY;
 use super::problem::Contact;
 
-/// Half the step of the central differences of [`Collider::normal`], in units of dx; engines use the same.
+/// Half the step of the central differences of [`Placed::normal`], in units of dx; engines use the same.
 pub const NORMAL_STEP_DX: f64 = 1.0 / 32.0;
-
-/// Position and orientation at an instant: x_world = rotation x_start + translation (row-major).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
-    pub rotation: [f64; 9],
-    pub translation: [f64; 3],
-}
-
-impl Pose {
-    /// Where a point of space lies on the body as it was at time 0.
-    pub fn to_start(&self, x: [f64; 3]) -> [f64; 3] {
-        let t = self.translation;
-        rotate_back(&self.rotation, [x[0] - t[0], x[1] - t[1], x[2] - t[2]])
-    }
-}
-
-/// Rigid motion with constant linear and angular velocity.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Motion {
-    /// Centre of rotation at time 0 (m).
-    pub center: [f64; 3],
-    pub linear_velocity: [f64; 3],
-    pub angular_velocity: [f64; 3],
-}
-
-impl Motion {
-    /// Pose at time `t` (s): x_world = R(t) (x_start - center) + center + v t.
-    pub fn pose(&self, t: f64) -> Pose {
-        let w = self.angular_velocity;
-        let speed = (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]).sqrt();
-        let rotation = if speed == 0.0 { IDENTITY } else { axis_angle(w.map(|a| a / speed), speed * t) };
-        let (center, v) = (self.center, self.linear_velocity);
-        let turned = rotate(&rotation, center);
-        Pose { rotation, translation: std::array::from_fn(|a| center[a] - turned[a] + v[a] * t) }
-    }
-
-    /// Velocity (m/s) of the rigid motion at a point of space and time.
-    pub fn velocity_at(&self, x: [f64; 3], t: f64) -> [f64; 3] {
-        let (v, w) = (self.linear_velocity, self.angular_velocity);
-        let r: [f64; 3] = std::array::from_fn(|a| x[a] - self.center[a] - v[a] * t);
-        [v[0] + w[1] * r[2] - w[2] * r[1], v[1] + w[2] * r[0] - w[0] * r[2], v[2] + w[0] * r[1] - w[1] * r[0]]
-    }
-}
 
 /// A rigid obstacle.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,23 +21,54 @@ pub struct Collider {
     pub sdf: Sdf,
     pub contact: Contact,
     pub motion: Motion,
+    /// When it is there: from the first time up to the second (s).
+    pub present_s: [f64; 2],
+    /// True for a grip, which holds the material that it overlaps; drawn so that this is seen.
+    pub grip: bool,
 }
 
+/// Always there.
+pub const ALWAYS: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
 impl Collider {
-    /// Signed distance (m) of a point at time `t`, negative inside.
-    pub fn distance(&self, x: [f64; 3], t: f64) -> f64 {
-        self.sdf.distance(self.motion.pose(t).to_start(x))
+    pub fn is_present(&self, t: f64) -> bool {
+        let t = t + TIME_TIE_S;
+        t >= self.present_s[0] && t < self.present_s[1]
     }
 
-    /// Velocity (m/s) of the obstacle at a point of space and time.
-    pub fn velocity_at(&self, x: [f64; 3], t: f64) -> [f64; 3] {
-        self.motion.velocity_at(x, t)
+    /// The obstacle at time `t` (s), whether it is there or not.
+    pub fn at(&self, t: f64) -> Placed<'_> {
+        Placed { sdf: &self.sdf, motion: self.motion.at(t) }
+    }
+}
+
+/// An obstacle at an instant.
+#[derive(Clone, Copy, Debug)]
+pub struct Placed<'a> {
+    sdf: &'a Sdf,
+    pub motion: Instant,
+}
+
+impl Placed<'_> {
+    /// Signed distance (m) of a point, negative inside.
+    pub fn distance(&self, x: [f64; 3]) -> f64 {
+        self.sdf.distance(self.motion.pose.to_start(x))
     }
 
-    /// Outward unit normal at a point and time, by central differences of half step `h` (m): [`NORMAL_STEP_DX`] dx in engines.
+    /// By how much distances may change beyond the way gone (m).
+    pub fn slack(&self) -> f64 {
+        self.sdf.slack()
+    }
+
+    /// Velocity (m/s) of the obstacle at a point of space.
+    pub fn velocity_at(&self, x: [f64; 3]) -> [f64; 3] {
+        self.motion.velocity_at(x)
+    }
+
+    /// Outward unit normal at a point, by central differences of half step `h` (m): [`NORMAL_STEP_DX`] dx in engines.
     /// Zero where the distance has no slope.
-    pub fn normal(&self, x: [f64; 3], t: f64, h: f64) -> [f64; 3] {
-        let pose = self.motion.pose(t);
+    pub fn normal(&self, x: [f64; 3], h: f64) -> [f64; 3] {
+        let pose = &self.motion.pose;
         let x = pose.to_start(x);
         let n: [f64; 3] = std::array::from_fn(|a| {
             let (mut ahead, mut behind) = (x, x);
@@ -95,6 +84,7 @@ impl Collider {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::particles::IDENTITY;
     use crate::sim::problem::ContactKind;
 
     fn paddle() -> Collider {
@@ -112,7 +102,10 @@ mod tests {
                 center: [0.1, 0.5, 0.6],
                 linear_velocity: [0.2, -0.1, 0.3],
                 angular_velocity: [0.5, 1.0, -2.0],
+                keyframes: vec![],
             },
+            present_s: [0.5, 1.0],
+            grip: false,
         }
     }
 
@@ -127,11 +120,11 @@ mod tests {
         };
         for t in [0.0, 0.4, 3.0] {
             let h = 1e-6;
-            let (ahead, behind, v) = (at(t + h), at(t - h), collider.velocity_at(at(t), t));
+            let (ahead, behind, v) = (at(t + h), at(t - h), collider.at(t).velocity_at(at(t)));
             for a in 0..3 {
                 assert!(((ahead[a] - behind[a]) / (2.0 * h) - v[a]).abs() < 1e-8, "axis {a} at t = {t}");
             }
-            assert!(collider.distance(at(t), t).abs() < 1e-14);
+            assert!(collider.at(t).distance(at(t)).abs() < 1e-14);
             let back = collider.motion.pose(t).to_start(at(t));
             assert!((0..3).all(|a| (back[a] - start[a]).abs() < 1e-14));
         }
@@ -144,8 +137,14 @@ mod tests {
         let pose = collider.motion.pose(t);
         let x = rotate(&pose.rotation, [0.71, 0.5, 0.6]);
         let x = [0, 1, 2].map(|a| x[a] + pose.translation[a]);
-        let n = collider.normal(x, t, 1e-3);
+        let n = collider.at(t).normal(x, 1e-3);
         let expected = rotate(&pose.rotation, [1.0, 0.0, 0.0]);
         assert!((0..3).all(|a| (n[a] - expected[a]).abs() < 1e-12), "{n:?} against {expected:?}");
+    }
+
+    #[test]
+    fn it_is_there_from_its_first_time_up_to_its_last() {
+        let there = |t: f64| paddle().is_present(t);
+        assert_eq!([0.4, 0.5 - 1e-15, 0.7, 1.0 - 1e-15, 1.0, 2.0].map(there), [false, true, true, false, false, false]);
     }
 }

@@ -136,7 +136,7 @@ fn initial_affine_rate_1_s(problem: &Problem) -> f64 {
     problem.particles.x.iter().zip(&problem.particles.b).map(rate).filter(|rate| rate.is_finite()).fold(0.0, f64::max)
 }
 
-/// Fastest point of any collider inside the domain at any time of its turn (m/s), from above.
+/// Fastest point of any collider inside the domain at any time of the run (m/s), from above.
 fn max_collider_speed_m_s(problem: &Problem) -> f64 {
     let upper: [f64; 3] = std::array::from_fn(|a| problem.origin[a] + problem.cells[a] as f64 * problem.dx);
     let speed = |collider: &Collider| {
@@ -151,7 +151,7 @@ fn max_collider_speed_m_s(problem: &Problem) -> f64 {
             let high = if high[a].is_finite() { high[a] } else { upper[a] };
             (low - motion.center[a]).abs().max((high - motion.center[a]).abs())
         });
-        norm(&motion.linear_velocity) + norm(&motion.angular_velocity) * norm(&reach)
+        motion.velocities().map(|(v, w)| norm(&v) + norm(&w) * norm(&reach)).fold(0.0, f64::max)
     };
     problem.colliders.iter().map(speed).fold(0.0, f64::max)
 }
