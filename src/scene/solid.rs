@@ -73,9 +73,8 @@ fn compile(shape: &Shape, frame: &Frame, dimension: usize, ops: &mut Vec<SdfOp>)
             ops.push(place(vector3(point), vector3(normal)).primitive(Primitive::HalfSpace));
         }
         Shape::Heightfield { field, .. } | Shape::Mesh { field, .. } => {
-            // A shape that could not be sampled is refused, and here only counted.
-            let primitive = field.clone().map_or(Primitive::Sphere(0.0), |field| Primitive::Grid(field, 1.0));
-            ops.push(frame.primitive(primitive));
+            let field = field.clone().expect("scene::resolve samples the shapes of every scene that is valid");
+            ops.push(frame.primitive(Primitive::Grid(field, 1.0)));
         }
         Shape::Union(shapes) => combine(shapes, SdfOp::Union, frame, dimension, ops),
         Shape::Intersection(shapes) => combine(shapes, SdfOp::Intersection, frame, dimension, ops),

@@ -41,28 +41,32 @@ impl Bvh {
         Self { nodes, triangles }
     }
 
-    /// Distance to the nearest triangle (m), if that is below `bound`, else `bound`.
-    pub fn distance(&self, x: [f64; 3], bound: f64) -> f64 {
-        let mut best = bound * bound;
-        let mut open = vec![(0usize, 0.0)];
+    /// Distance to the nearest triangle (m), and which it is. `guess`, a triangle that is likely near, saves most of the search.
+    pub fn nearest(&self, x: [f64; 3], guess: usize) -> (f64, usize) {
+        let mut best = self.triangles.get(guess).map_or((f64::INFINITY, guess), |t| (distance2(x, t), guess));
+        let mut open = Vec::with_capacity(64);
+        open.push((0usize, 0.0));
         while let Some((n, least)) = open.pop() {
-            let Some(node) = self.nodes.get(n).filter(|_| least < best) else { continue };
+            let Some(node) = self.nodes.get(n).filter(|_| least < best.0) else { continue };
             if node.count > 0 {
-                let (start, end) = (node.start as usize, (node.start + node.count) as usize);
-                best = self.triangles[start..end].iter().map(|t| distance2(x, t)).fold(best, f64::min);
+                for n in node.start as usize..(node.start + node.count) as usize {
+                    let d2 = distance2(x, &self.triangles[n]);
+                    best = if d2 < best.0 { (d2, n) } else { best };
+                }
                 continue;
             }
             let children = [n + 1, node.start as usize].map(|c| (c, self.nodes[c].distance2(x)));
             let nearer = usize::from(children[1].1 < children[0].1);
             open.extend([children[1 - nearer], children[nearer]]);
         }
-        best.sqrt()
+        (best.0.sqrt(), best.1)
     }
 
     /// The generalized winding number (Jacobson et al. 2013): 1 inside a closed mesh, 0 outside, between the two near holes.
     pub fn winding(&self, x: [f64; 3]) -> f64 {
         let mut sum = 0.0;
-        let mut open = vec![0usize];
+        let mut open = Vec::with_capacity(64);
+        open.push(0usize);
         while let Some(n) = open.pop() {
             let Some(node) = self.nodes.get(n) else { continue };
             let r = sub(node.center, x);

@@ -7,8 +7,8 @@ use super::bvh::Bvh;
 use crate::scene::schema::Fill;
 use crate::sim::collider::Field;
 
-/// Samples of one field at most: 128 MiB, and some seconds of work.
-pub const MAX_SAMPLES: u64 = 1 << 25;
+/// Samples of one field at most: 64 MiB, and up to some minutes of one core for a mesh of a million triangles.
+pub const MAX_SAMPLES: u64 = 1 << 24;
 
 /// Samples beyond the solid's bounds on each side.
 const MARGIN: f64 = 2.0;
@@ -58,11 +58,11 @@ impl Plan {
                 let index = [i, row % ny, row / ny];
                 std::array::from_fn(|a| self.origin[a] + index[a] as f64 * self.spacing)
             };
-            let (mut before, mut sign) = (f64::INFINITY, 1.0);
+            let (mut before, mut sign, mut triangle) = (f64::INFINITY, 1.0, 0);
             for (i, sample) in samples.iter_mut().enumerate() {
                 let x = at(i);
-                // The next sample's nearest triangle is at most a spacing further away.
-                let u = bvh.distance(x, before + 1.000001 * self.spacing);
+                // The nearest triangle of a sample is close to that of the next one.
+                let (u, nearest) = bvh.nearest(x, triangle);
                 let value = match fill {
                     Fill::WindingNumber => u * (1.0 - 2.0 * bvh.winding(x).clamp(0.0, 1.0)),
                     Fill::Watertight => {
@@ -74,7 +74,7 @@ impl Plan {
                     }
                 };
                 *sample = value as f32;
-                before = u;
+                (before, triangle) = (u, nearest);
             }
         });
         let Self { origin, spacing, size, bounds } = *self;
