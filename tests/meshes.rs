@@ -77,6 +77,19 @@ fn a_heightfield_is_filled_up_to_its_surface() {
 }
 
 #[test]
+fn a_mesh_may_grip_a_body() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("box.obj"), obj([0.0; 3], [0.5; 3], false)).unwrap();
+    let mesh = json!({ "mesh": { "file": "box.obj" } });
+    let mut document = scene(mesh.clone());
+    document["bodies"][0]["grips"] = json!([{ "name": "hand", "shape": mesh }]);
+    judge(&document, dir.path()).unwrap_or_else(|faults| panic!("{faults:#?}"));
+    document["bodies"][0]["grips"][0]["shape"] = json!({ "mesh": { "file": "gone.obj" } });
+    let faults = judge(&document, dir.path()).unwrap_err();
+    assert_eq!((faults.len(), faults[0].pointer.as_str()), (1, "/bodies/0/grips/0/shape/mesh/file"));
+}
+
+#[test]
 fn the_same_file_is_sampled_once() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("box.obj"), obj([0.0; 3], [0.5; 3], false)).unwrap();

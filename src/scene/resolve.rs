@@ -29,6 +29,9 @@ pub fn resolve(scene: &Scene, limits: &Limits, assets: &dyn Assets, faults: &mut
         if let Some(shape) = &mut body.shape {
             resolver.shape(shape, &format!("/bodies/{n}/shape"), spacing);
         }
+        for (k, grip) in body.grips.iter_mut().enumerate() {
+            resolver.shape(&mut grip.shape, &format!("/bodies/{n}/grips/{k}/shape"), spacing);
+        }
         if let Some(points) = &mut body.points {
             points.read = resolver.points(points, &format!("/bodies/{n}/points"));
         }
