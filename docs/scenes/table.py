@@ -6,8 +6,8 @@
     docs/scenes/table.py --runs /somewhere --keep                                        # only write the page again
 
 Runs keep their recording, diagnostics and summary in the folder of --runs; with --keep, scenes that have them are not run again. Scenes
-with a reduced variant (NAME-small for NAME and NAME-SIZE) are not run but costed: their particles are counted on cells that are four
-times as wide, their step is that of a few particles of each body. Verdicts are a person's: docs/scenes/verdicts.json.
+with a reduced variant (NAME-small for NAME and NAME-SIZE) are not run but costed: particles above a million are counted on cells that
+are four times as wide, and the step is that of a few particles of each body. Verdicts are a person's: docs/scenes/verdicts.json.
 """
 
 import argparse
@@ -28,6 +28,7 @@ def main():
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--gridfall", default="gridfall", help="the program")
     arguments.add_argument("--runs", type=pathlib.Path, required=True, help="folder for recordings and diagnostics")
+    arguments.add_argument("--build", default="", help="what the program was built from, for the page")
     arguments.add_argument("--keep", action="store_true", help="do not run what has been run")
     arguments.add_argument("scenes", nargs="*", help="names; all by default")
     arguments = arguments.parse_args()
@@ -40,7 +41,7 @@ def main():
             print(name, flush=True)
             made = cost(arguments.gridfall, scene) if is_large(name, scenes) else run(arguments, name, scene)
             summary.write_text(json.dumps(made, indent=1) + "\n")
-    PAGE.write_text(page(arguments.runs, scenes))
+    PAGE.write_text(page(arguments.runs, scenes, arguments.build))
 
 
 def is_large(name, scenes):
@@ -82,6 +83,8 @@ def cost(program, scene):
     wider["domain"]["dx"] *= WIDER
     dimension = scene.get("dimension", 3)
     particles = check(program, wider)["estimate"]["particles"] * WIDER**dimension
+    if particles < 1_000_000:
+        return {"estimate": check(program, scene)["estimate"]}
     few = copy.deepcopy(scene)
     domain = few["domain"]
     for body in few["bodies"]:
@@ -139,16 +142,20 @@ def number(value, digits=2):
 
 
 def seconds(value):
-    return f"{value:.{1 if value >= 0.1 else 2}e}" if value < 1e-2 else f"{value:.2g}"
+    return f"{value:.2e}" if value < 1e-2 else f"{value:.2g}"
 
 
-def page(runs, scenes):
+def bound(estimate):
+    return f"{seconds(estimate['dt_limits'][0]['dt_s'])}, {estimate['dt_bound']}"
+
+
+def page(runs, scenes, build):
     verdicts = json.loads(VERDICTS.read_text()) if VERDICTS.exists() else {}
     made = {name: runs / f"{name}.json" for name in scenes}
     made = {name: json.loads(path.read_text()) for name, path in made.items() if path.exists()}
     text = HEAD
     device = next((m["summary"]["backend"]["device"] for m in made.values() if m.get("summary")), "unknown")
-    text += f"\n## Run: {device}\n\n" + RUN_HEAD
+    text += f"\n## Run: {device}{build and ', '}{build}\n\n" + RUN_HEAD
     for name, m in made.items():
         if "summary" not in m:
             continue
@@ -159,7 +166,7 @@ def page(runs, scenes):
         cells = [
             name,
             f"{e['particles']:,}",
-            f"{seconds(d['dt']) if d else '—'} ({e['dt_bound']}: {seconds(e['dt_s'])})",
+            f"{seconds(d['dt']) if d else '—'} (≤ {bound(e)})",
             f"{s.get('steps', 0):,}",
             number(s["wall_s"] / frames if frames > 0 else None),
             number(d.get("mass")),
@@ -175,7 +182,7 @@ def page(runs, scenes):
         if "summary" in m:
             continue
         e = m["estimate"]
-        cells = [name, f"{e['particles']:,}", seconds(e["dt_s"]), e["dt_bound"], f"{e['steps']:,}", verdicts.get(name, "not run here")]
+        cells = [name, f"{e['particles']:,}", f"{seconds(e['dt_s'])} (≤ {bound(e)})", f"{e['steps']:,}", verdicts.get(name, "")]
         text += "| " + " | ".join(cells) + " |\n"
     return text
 
@@ -186,7 +193,7 @@ Written by [scenes/table.py](scenes/table.py), which runs every scene that two c
 `description`; verdicts are of a person who looked at the frames and the diagnostics ([scenes/verdicts.json](scenes/verdicts.json)).
 """
 
-RUN_HEAD = """Step: the mean over the run, then the rule that set it at time 0 and that step. Mass: largest change over the whole. Momentum and angular momentum, of
+RUN_HEAD = """Step: the mean over the run, and the limit that ruled at time 0, before frames are cut into equal steps. Mass: largest change over the whole. Momentum and angular momentum, of
 bodies in free space only: largest change over what the bodies' motion could carry (sqrt(2 m E), times the domain's size). Energy (kinetic, strain,
 gravity), where nobody does work on the bodies: largest gain and change at the end over the largest kinetic plus strain energy; friction, inelastic
 contact, plastic flow and transfers take energy out. Resets: isolated particles whose strain was reset. Times are of a machine with other work.
@@ -195,10 +202,10 @@ contact, plastic flow and transfers take energy out. Resets: isolated particles 
 |---|---|---|---|---|---|---|---|---|---|---|
 """
 
-COST_HEAD = """Particles are counted on cells four times as wide (± 1 %); the step is the one at time 0.
+COST_HEAD = """Not run here. Particles above a million are counted on cells four times as wide (± 1 %); the step is the one at time 0, and steps are for the whole run at that step.
 
-| scene | particles | step (s) | set by | steps | |
-|---|---|---|---|---|---|
+| scene | particles | step (s) | steps | |
+|---|---|---|---|---|
 """
 
 if __name__ == "__main__":
