@@ -83,7 +83,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         let started = Instant::now();
         let outcome = verify::run(case, &devices, &targets, extent, &|line| eprintln!("{line}"));
         eprintln!("{}: {:.1} s", case.name, started.elapsed().as_secs_f64());
-        if !arguments.json {
+        if !arguments.json && !outcome.rows.is_empty() {
             describe(case);
             outcome.rows.iter().for_each(print);
         }

@@ -3,7 +3,7 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::cpu::{Stages, stages};
+use crate::cpu::{NodeState, Stages, stages};
 use crate::sim::moments::moment_matrix;
 use crate::sim::particles::Particles;
 use crate::sim::problem::{Problem, Transfer};
@@ -13,6 +13,9 @@ pub struct Forced {
     stages: Box<dyn Stages>,
     dt_s: f64,
     time_s: f64,
+    /// Keep the nodes of each step.
+    watched: bool,
+    nodes: Vec<NodeState>,
 }
 
 impl Forced {
@@ -20,13 +23,22 @@ impl Forced {
         let mut stages = stages(problem);
         stages.start_frame();
         stages.p2g(dt_s);
-        Self { stages, dt_s, time_s: 0.0 }
+        Self { stages, dt_s, time_s: 0.0, watched: false, nodes: Vec::new() }
+    }
+
+    /// Keeps the nodes of every step, as they are after its grid update.
+    pub fn watch_nodes(mut self) -> Self {
+        self.watched = true;
+        self
     }
 
     /// One step. Returns the largest speed (m/s) after it; infinite once a particle has moved a cell in a step, left the
     /// domain, or has no speed at all. Nothing can be stepped further then.
     pub fn step(&mut self) -> f64 {
         self.stages.grid_update(self.dt_s, self.time_s);
+        if self.watched {
+            self.nodes = self.stages.nodes();
+        }
         let moved = self.stages.g2p2g(self.dt_s);
         self.time_s += self.dt_s;
         if moved.diverged || moved.outside || !moved.max_speed_m_s.is_finite() {
@@ -41,6 +53,15 @@ impl Forced {
 
     pub fn time_s(&self) -> f64 {
         self.time_s
+    }
+
+    pub fn dt_s(&self) -> f64 {
+        self.dt_s
+    }
+
+    /// Nodes of the last step, if watched.
+    pub fn nodes(&self) -> &[NodeState] {
+        &self.nodes
     }
 
     pub fn particles(&self) -> Particles {

@@ -3,12 +3,18 @@
 //! A case says what it claims and where the answer comes from, simulates, and reports rows of expected, got and tolerance.
 //! Cases with closed forms run on every engine; cases that force a step of their own run the CPU's stages.
 
+mod boundaries;
 mod forced;
+mod granular;
+mod kernels;
+mod moduli;
 mod motion;
 mod report;
 mod session;
 mod setup;
 mod single_particle;
+mod sliding_block;
+mod still_water;
 mod von_neumann;
 
 pub use report::{Curve, Row, Rule, curve_csv, number};
@@ -25,6 +31,8 @@ pub struct Case {
     pub source: &'static str,
     /// Runs on the GPU as well; else it needs the CPU's stages.
     pub gpu: bool,
+    /// Part of a quick run.
+    pub quick: bool,
     run: fn(&mut Session) -> Result<(), crate::engine::EngineError>,
 }
 
@@ -33,8 +41,18 @@ pub const CASES: &[Case] = &[
     motion::FREE_FALL,
     motion::COLLIDING_SPHERES,
     motion::ROTATING_ROD,
+    sliding_block::SLIDING_BLOCK,
+    moduli::ELASTIC_WAVES,
+    moduli::FREE_BAR,
+    moduli::CANTILEVER,
+    still_water::STILL_WATER,
+    granular::GRANULAR_COLUMN,
     von_neumann::VON_NEUMANN,
     single_particle::SINGLE_PARTICLE,
+    boundaries::SPINNING_DISK,
+    boundaries::COLLISIONS,
+    kernels::STICKY_FLOOR,
+    kernels::HOLLOW_CYLINDER,
 ];
 
 /// What came of a run.
@@ -44,11 +62,11 @@ pub struct Outcome {
     pub curves: Vec<Curve>,
 }
 
-/// Runs a case on each of the targets that it is for. A simulation that ends in an error is a row that fails.
+/// Runs a case on each of the targets that it is for, if the extent has it. A simulation that ends in an error is a row that fails.
 pub fn run(case: &Case, devices: &Devices, targets: &[Target], extent: Extent, log: &dyn Fn(&str)) -> Outcome {
     let mut outcome = Outcome::default();
     for &target in targets {
-        if target == Target::Gpu && !case.gpu {
+        if (target == Target::Gpu && !case.gpu) || (extent == Extent::Quick && !case.quick) {
             continue;
         }
         let mut session = Session::new(case.name, devices, target, extent, log);

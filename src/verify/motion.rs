@@ -14,6 +14,7 @@ pub const FREE_FALL: Case = Case {
     claim: "a thrown body follows x + v t - ½ g t (t + dt) without strain, to rounding",
     source: "symplectic Euler, exact",
     gpu: true,
+    quick: true,
     run: free_fall,
 };
 
@@ -77,6 +78,7 @@ pub const COLLIDING_SPHERES: Case = Case {
     claim: "two spheres that collide and part keep their total momentum and angular momentum",
     source: "CK-MPM section 6.1, Fig. 4: the paper's momentum error is 1.06e-5 of one sphere's",
     gpu: true,
+    quick: true,
     run: colliding_spheres,
 };
 
@@ -155,6 +157,7 @@ pub const ROTATING_ROD: Case = Case {
     claim: "a rod turning about its middle keeps its angular momentum",
     source: "CK-MPM section 6.1, Fig. 5: the paper's error is 6e-3",
     gpu: true,
+    quick: true,
     run: rotating_rod,
 };
 

@@ -8,6 +8,7 @@ use super::session::Session;
 use crate::engine::FrameStats;
 use crate::scene::{self, Limits};
 use crate::sim::diagnostics;
+use crate::sim::moments::moment_matrix;
 use crate::sim::particles::Particles;
 use crate::sim::problem::{Kernel, Problem, Transfer};
 
@@ -91,4 +92,20 @@ pub fn norm(v: Vec3) -> f64 {
 
 pub fn minus(a: Vec3, b: Vec3) -> Vec3 {
     std::array::from_fn(|k| a[k] - b[k])
+}
+
+/// Gives every particle the velocity and the velocity gradient (1/s, row-major) of a field at its place: v, and B = C D.
+pub fn set_velocity(problem: &mut Problem, field: impl Fn(Vec3) -> (Vec3, [f64; 9])) {
+    for p in 0..problem.particles.len() {
+        let x = problem.particles.x[p];
+        let (v, c) = field(x);
+        problem.particles.v[p] = v;
+        if problem.transfer == Transfer::Pic {
+            continue;
+        }
+        let units = std::array::from_fn(|a| (x[a] - problem.origin[a]) / problem.dx);
+        let moment = moment_matrix(problem.kernel, units, problem.dx, problem.dimension);
+        problem.particles.b[p] =
+            std::array::from_fn(|k| (0..3).map(|j| c[3 * (k / 3) + j] * moment[3 * j + k % 3]).sum());
+    }
 }

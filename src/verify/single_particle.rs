@@ -19,6 +19,7 @@ pub const SINGLE_PARTICLE: Case = Case {
     claim: "no lone particle grows at 0.98 of the single-particle bound, wherever it is; at 1.05 one does",
     source: "Bai & Schroeder, section 3.2, eq. 4; the compact kernel's bound is our own",
     gpu: false,
+    quick: true,
     run: single_particle,
 };
 

@@ -16,6 +16,7 @@ pub const VON_NEUMANN: Case = Case {
     claim: "the largest stable step of a periodic box with one particle a cell is f dx / c",
     source: "Bai & Schroeder, Fig. 4 (their simulated columns, and the bounds themselves); the compact kernel's are our own",
     gpu: false,
+    quick: true,
     run: von_neumann,
 };
 
