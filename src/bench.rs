@@ -150,6 +150,10 @@ pub fn problem(json: &str) -> Result<Problem, BenchError> {
 /// Measures a problem on the device that suits it.
 pub fn measure(devices: &Devices, problem: &Problem, case: &str, size: &str) -> Result<Row, BenchError> {
     let plan = timestep::plan_frame(problem, &timestep::initial_extremes(problem), problem.frame_s);
+    if problem.particles.is_empty() {
+        let reason = "nothing is there at the start, and sources are not measured";
+        return Err(BenchError::Engine(EngineError::Unsupported(reason.into())));
+    }
     let mut engine = Measured::load(devices, problem)?;
     let (rates, steps_per_frame) = rates(engine.get(), problem, plan.dt_s)?;
     let (copy_bandwidth_b_s, stages) = match &mut engine {

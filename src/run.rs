@@ -109,6 +109,10 @@ fn step(
             if observer.canceled() {
                 return Err(EngineError::Canceled);
             }
+            let emission = problem.emission(frame as u32 - 1);
+            if !emission.is_empty() {
+                engine.append(&emission)?;
+            }
             stats = engine.advance_frame(problem.frame_s, observer)?;
         }
         if !take((frame, engine.snapshot()?, std::mem::take(&mut stats))) {
@@ -131,7 +135,7 @@ impl<'a> Keeper<'a> {
     fn create(problem: &'a Problem, engine: &dyn Engine, out: &Outputs, scene_json: &str) -> Result<Self, RunError> {
         let backend = engine.backend();
         let mut writer = Writer::create(&out.recording, &Header { problem, scene_json, backend })?;
-        let (name, particles) = (&problem.name, problem.particles.len());
+        let (name, particles) = (&problem.name, problem.total_particles());
         let device = &backend.device;
         writer.log(Severity::Info, format!("{name}: {particles} particles on {device} ({})", backend.reason));
         let csv = match &out.diagnostics {

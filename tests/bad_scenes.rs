@@ -271,6 +271,33 @@ const MOTION: &[Case] = &[
           ["/bodies/1/grips/0/name" "duplicate_name"]),
 ];
 
+/// Sources: a stream through a box that falls along z.
+#[rustfmt::skip]
+const SOURCES: &[Case] = &[
+    case!(["/sources/0/velocity" = [0, 0, 0]], ["/sources/0/velocity" "zero_vector"]),
+    case!(["/sources/0/velocity" = [0, 1]], ["/sources/0/velocity" "wrong_length"]),
+    case!(["/sources/0/velocity" = null], ["/sources/0/velocity" "missing_field"]),
+    case!(["/sources/0/material" = "watr"], ["/sources/0/material" "unknown_material"]),
+    case!(["/sources/0/name" = "b"], ["/sources/0/name" "duplicate_name"]),
+    case!(["/sources/0/particles_per_cell" = 9], ["/sources/0/particles_per_cell" "not_a_power"]),
+    case!(["/sources/0/sampling" = "jittered"], ["/sources/0/sampling" "unsupported"]),
+    case!(["/sources/0/until" = 0], ["/sources/0/until" "empty"]),
+    case!(["/sources/0/from" = 5], ["/sources/0/until" "empty"]),
+    case!(["/sources/0/from" = 5, "/sources/0/until" = null], ["/sources/0/shape" "no_particles"]),
+    case!(["/sources/0/velocity" = [0, 0, (-9)]], ["/sources/0/shape" "outside_domain"]),
+    case!(["/sources/0/shape" = { "half-space": { "point": [0, 0, 0.5], "normal": [0, 0, 1] } }], ["/sources/0/shape" "unbounded_shape"]),
+    case!(["/sources/0/shape/box/max/0" = 0], ["/sources/0/shape/box/max/0" "empty"]),
+    case!(["/sources/0/shape/box" = { "min": [0.5, 0.5, 0.7], "max": [0.501, 0.501, 0.8] }], ["/sources/0/shape" "no_particles"]),
+    case!(["/bodies" = [], "/sources" = []], ["/bodies" "empty"]),
+    case!(["/bodies" = []], []),
+];
+
+fn pouring() -> Value {
+    let source = json!({ "name": "tap", "material": "water", "velocity": [0, 0, -1], "until": 0.5,
+                         "shape": { "box": { "min": [0.5, 0.5, 0.75], "max": [0.625, 0.625, 0.8125] } } });
+    changed(good(), &[("/sources", json!([source]))])
+}
+
 fn run(base: fn() -> Value, cases: &[Case]) {
     for (changes, expected) in cases {
         let changes: Vec<(&str, Value)> = changes.iter().map(|(at, value)| (*at, value())).collect();
@@ -283,6 +310,7 @@ fn run(base: fn() -> Value, cases: &[Case]) {
 fn the_scenes_that_the_cases_change_are_good() {
     expect(&good(), &Limits::default(), &[]);
     expect(&flat(), &Limits::default(), &[]);
+    expect(&pouring(), &Limits::default(), &[]);
 }
 
 #[test]
@@ -298,6 +326,7 @@ fn meaning_is_judged_everywhere() {
 #[test]
 fn motions_are_judged() {
     run(good, MOTION);
+    run(pouring, SOURCES);
 }
 
 #[test]
@@ -433,4 +462,13 @@ fn material_parameters_out_of_range() {
         assert_eq!(faults[0].pointer, format!("/materials/m/{pointer}"));
         assert!(!faults[0].remedy.is_empty());
     }
+}
+
+#[test]
+fn what_sources_bring_counts() {
+    // 4 × 4 points every 1/32 m for half a metre: 16 layers of 16.
+    let limits = |max_particles| Limits { max_particles, ..Limits::default() };
+    let alone = changed(pouring(), &[("/bodies", json!([]))]);
+    expect(&alone, &limits(256), &[]);
+    expect(&alone, &limits(255), &[("/sources/0/shape", "too_many_particles")]);
 }

@@ -201,3 +201,44 @@ fn surfaces_take_the_momentum_that_is_lost() {
         }
     }
 }
+
+/// A stream on the GPU is the stream on the CPU; with nothing there before it opens.
+#[test]
+fn sources_emit_what_the_cpu_emits() {
+    let problem = common::problem(
+        r#"{ "gridfall": 1, "name": "tap", "domain": { "min": [0, 0, 0], "max": [0.5, 0.5, 1], "dx": 0.0625 },
+        "gravity": [0, 0, -5],
+        "materials": { "water": { "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1e4 },
+                       "jelly": { "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 } },
+        "bodies": [],
+        "sources": [ { "name": "tap", "material": "water", "velocity": [0, 0, -1], "from": 0.06,
+                       "shape": { "box": { "min": [0.125, 0.125, 0.75], "max": [0.25, 0.25, 0.8] } } },
+                     { "name": "press", "material": "jelly", "velocity": [0.5, 0, 0], "from": 0.1, "until": 0.14,
+                       "shape": { "sphere": { "center": [0.35, 0.3, 0.4], "radius": 0.08 } } } ],
+        "time": { "end": 0.2, "frame_rate": 50 } }"#,
+    );
+    let simulate = |engine: &mut dyn Engine| -> Vec<Particles> {
+        let frame = |frame: u32| {
+            let emission = problem.emission(frame);
+            if !emission.is_empty() {
+                engine.append(&emission).unwrap();
+            }
+            engine.advance_frame(problem.frame_s, &NoControl).unwrap();
+            engine.snapshot().unwrap()
+        };
+        (0..problem.frames).map(frame).collect()
+    };
+    let gpu = simulate(&mut common::gpu_engine(&problem));
+    let cpu = simulate(&mut gridfall::cpu::CpuEngine::new(&problem).unwrap());
+    assert!(gpu[1].is_empty() && cpu[1].is_empty(), "the sources open later");
+    assert_eq!(gpu[9].len(), problem.total_particles());
+    for (gpu, cpu) in gpu.iter().zip(&cpu) {
+        assert_eq!(gpu.body, cpu.body);
+        let differences = gpu.x.iter().zip(&cpu.x).flat_map(|(a, b)| (0..3).map(|k| (a[k] - b[k]).abs()));
+        let worst = differences.fold(0.0, f64::max);
+        println!("{} particles, worst difference {worst:.1e} m", gpu.len());
+        assert!(worst < 1e-3 * problem.dx);
+    }
+    // And again, bit for bit.
+    assert_eq!(gpu, simulate(&mut common::gpu_engine(&problem)));
+}

@@ -55,6 +55,11 @@ impl Engine for Fake {
         }
     }
 
+    fn append(&mut self, particles: &Particles) -> Result<(), EngineError> {
+        self.particles.append(particles.clone());
+        Ok(())
+    }
+
     fn snapshot(&mut self) -> Result<Particles, EngineError> {
         Ok(self.particles.clone())
     }

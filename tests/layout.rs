@@ -41,7 +41,7 @@ macro_rules! twin {
 fn shared_structs_agree() {
     let m = parse(Stage::G2p2g, Kernel::Compact);
     twin!(m, Params: blocks, particles, cells, dx, gravity, dt, pad, capacity, periodic, colliders, mass_scale,
-        momentum_scale, soft_shift, first_step, soft_demand, soft_growth, spare0, spare1, walls);
+        momentum_scale, soft_shift, first_step, soft_demand, soft_growth, live, spare1, walls);
     twin!(m, Status: halt, error, error_particle, max_shift, max_speed, step, index, work_count, cursor, stale, needed,
         max_demand, isolated, finished, groups);
     twin!(m, Body: mass, volume, material, demand);

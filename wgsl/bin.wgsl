@@ -3,7 +3,7 @@
 @compute @workgroup_size(WORKGROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) count: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let particle = group_index(group, count) * WORKGROUP + lane;
-    if (particle >= params.particles || halted_before_bin()) {
+    if (particle >= params.live || halted_before_bin()) {
         return;
     }
     let to = destinations[particle];

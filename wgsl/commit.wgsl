@@ -18,7 +18,7 @@ fn main() {
     }
     want(GROUPS_BLOCKS_OUT, wanted);
     want(GROUPS_SLOTS_OUT, (wanted + WORKGROUP - 1u) / WORKGROUP);
-    want(GROUPS_PARTICLES, (params.particles + WORKGROUP - 1u) / WORKGROUP);
+    want(GROUPS_PARTICLES, (params.live + WORKGROUP - 1u) / WORKGROUP);
     atomicStore(&status.work_count, 0u);
     atomicStore(&status.cursor, 0u);
     status.step += 1u;

@@ -4,7 +4,7 @@
 @compute @workgroup_size(WORKGROUP)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) count: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let id = group_index(group, count) * WORKGROUP + lane;
-    if (id >= params.particles) {
+    if (id >= params.live) {
         return;
     }
     let slot = atomicLoad(&table_out[frame_position[id].w]) - 1u;

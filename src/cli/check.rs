@@ -81,6 +81,13 @@ fn name(path: &Path) -> String {
 /// Runs the beginning of a problem for a moment: a few steps to warm up, then as many as fit into the time.
 fn calibrate(devices: &Devices, problem: &Problem, estimate: &Estimate) -> Result<Speed, EngineError> {
     let mut engine = devices.engine(problem)?;
+    let mut particles = problem.particles.len();
+    if particles == 0 {
+        let emission = (0..problem.frames).map(|frame| problem.emission(frame)).find(|new| !new.is_empty());
+        let emission = emission.expect("a problem has particles");
+        particles = emission.len();
+        engine.append(&emission)?;
+    }
     let mut done = 0;
     let mut measure = |steps: f64| -> Result<f64, EngineError> {
         let clock = Clock { started: Instant::now(), step: AtomicU64::new(done) };
@@ -97,8 +104,8 @@ fn calibrate(devices: &Devices, problem: &Problem, estimate: &Estimate) -> Resul
     let steps_per_s = measure(steps(warm_up))?;
     Ok(Speed {
         backend: engine.backend().clone(),
-        particle_steps_per_s: steps_per_s * estimate.particles as f64,
-        run_s: estimate.steps as f64 / steps_per_s,
+        particle_steps_per_s: steps_per_s * particles as f64,
+        run_s: estimate.particle_steps / (steps_per_s * particles as f64),
     })
 }
 

@@ -57,7 +57,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         Devices::open(arguments.device.choice(), arguments.device.adapter.as_deref()).map_err(device_failure)?;
     let mut engine = devices.engine(&problem).map_err(device_failure)?;
     let backend = engine.backend().clone();
-    let particles = problem.particles.len();
+    let particles = problem.total_particles();
     eprintln!("{}: {particles} particles, {} frames; {}", scene.name, problem.frames, describe(&backend));
 
     let interrupted = interrupt::flag().map_err(|error| CliError::Failed(error.to_string()))?;

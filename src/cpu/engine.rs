@@ -14,6 +14,7 @@ pub struct CpuEngine {
     /// Without particles: they live in the stages.
     problem: Problem,
     stages: Box<dyn Stages>,
+    particles: usize,
     step: u64,
     time_s: f64,
 }
@@ -21,7 +22,7 @@ pub struct CpuEngine {
 impl CpuEngine {
     /// Loads the problem at time 0. Errors: [`EngineError::Capacity`] beyond 2³² particles or 2²² cells along an axis.
     pub fn new(problem: &Problem) -> Result<Self, EngineError> {
-        let particles = problem.particles.len();
+        let particles = problem.total_particles();
         if u32::try_from(particles).is_err() {
             return Err(EngineError::Capacity(format!("{particles} particles; this engine counts to 2^32 - 1")));
         }
@@ -36,7 +37,14 @@ impl CpuEngine {
             reason: "the CPU engine runs every scene".into(),
         };
         let without = Problem { particles: Particles::default(), ..problem.clone() };
-        Ok(Self { backend, problem: without, stages: stages(problem), step: 0, time_s: 0.0 })
+        Ok(Self {
+            backend,
+            problem: without,
+            stages: stages(problem),
+            particles: problem.particles.len(),
+            step: 0,
+            time_s: 0.0,
+        })
     }
 
     /// The same engine, described as chosen for `reason`.
@@ -92,6 +100,11 @@ impl Engine for CpuEngine {
     }
 
     fn advance_frame(&mut self, frame_s: f64, control: &dyn Control) -> Result<FrameStats, EngineError> {
+        if self.particles == 0 {
+            // Sources that have not opened yet.
+            self.time_s += frame_s;
+            return Ok(FrameStats::default());
+        }
         let (start_s, first_step) = (self.time_s, self.step);
         self.stages.start_frame();
         let extremes = self.stages.extremes();
@@ -136,6 +149,14 @@ impl Engine for CpuEngine {
         let steps = self.step - first_step;
         let reactions = impulses.iter().map(|j| j.times(1.0 / frame_s)).collect();
         Ok(FrameStats { steps, dt_s: frame_s / steps as f64, isolated_reset, reactions })
+    }
+
+    fn append(&mut self, particles: &Particles) -> Result<(), EngineError> {
+        let mut all = self.stages.particles();
+        all.append(particles.clone());
+        self.particles = all.len();
+        self.stages.load(&all);
+        Ok(())
     }
 
     fn snapshot(&mut self) -> Result<Particles, EngineError> {

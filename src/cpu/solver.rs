@@ -147,7 +147,7 @@ impl<T: Real, const D: usize> Solver<T, D> {
 
     /// Full particle states in sampling order.
     pub fn particles(&self) -> Particles {
-        let count: usize = self.problem.bodies.iter().map(|b| b.particles.len()).sum();
+        let count: usize = self.chunks.iter().map(|chunk| chunk.count).sum();
         let mut p = Particles {
             x: vec![[0.0; 3]; count],
             v: vec![[0.0; 3]; count],

@@ -31,7 +31,7 @@ pub struct Moved {
 /// The stages of a step, one at a time. A frame is `start_frame`, `p2g`, then per step `grid_update` and `g2p2g`, in the
 /// last one `g2p`.
 pub trait Stages: Send {
-    /// Replaces all particle states; as many as the problem has, in sampling order.
+    /// Replaces all particle states; in sampling order.
     fn load(&mut self, particles: &Particles);
     /// Bins, and takes from the states whatever a run that starts here would take.
     fn start_frame(&mut self);

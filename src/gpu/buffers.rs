@@ -4,6 +4,7 @@ use wgpu::BufferUsages as Usage;
 
 use super::device::{Gpu, STORAGE_BUFFERS};
 use super::layout::{self, BLOCK_NODES, NODE_CHANNELS, VELOCITY_CHANNELS, WORK_MAX};
+use super::upload::FrameData;
 use crate::engine::EngineError;
 use crate::sim::reaction::WALLS;
 
@@ -13,6 +14,7 @@ pub const CHUNK_STEPS: usize = 256;
 /// What decides the size of every buffer.
 #[derive(Clone, Copy, Debug)]
 pub struct Sizes {
+    /// All that there will be.
     pub particles: usize,
     /// Blocks of the dense table.
     pub table: usize,
@@ -89,6 +91,8 @@ impl Sizes {
 /// All buffers of one simulation.
 pub struct Buffers {
     pub sizes: Sizes,
+    /// Particles that there are, of the room for [`Sizes::particles`].
+    pub live: usize,
     pub params: wgpu::Buffer,
     pub dispatches: wgpu::Buffer,
     /// By binding, without `params`.
@@ -153,7 +157,7 @@ impl Buffers {
         });
         let bind = [0, 1].map(|side| bind_group(gpu, &params, &storage, side));
         gpu.check()?;
-        Ok(Self { sizes, params, dispatches, storage, bind, dispatch_bind })
+        Ok(Self { sizes, live: 0, params, dispatches, storage, bind, dispatch_bind })
     }
 
     /// Buffer at a binding, as bound when side 0 is in.
@@ -164,6 +168,22 @@ impl Buffers {
     /// The `_in` buffer of a pair for a side.
     pub fn of_side(&self, pair: usize, side: usize) -> &wgpu::Buffer {
         self.get(pair + side)
+    }
+
+    /// Writes states behind those that there are, for which there must be room.
+    pub fn put_states(&mut self, gpu: &Gpu, data: &FrameData, body_of: &[u32]) {
+        let (first, stride, n) = (self.live, self.sizes.particles, data.position.len());
+        let put = |b: usize, at: usize, bytes: &[u8]| gpu.queue.write_buffer(self.get(b), at as u64, bytes);
+        let channels = |b: usize, values: &[f32]| {
+            for (k, channel) in values.chunks_exact(n.max(1)).enumerate() {
+                put(b, 4 * (k * stride + first), bytemuck::cast_slice(channel));
+            }
+        };
+        put(binding::FRAME_POSITION, 16 * first, bytemuck::cast_slice(&data.position));
+        put(binding::BODY_OF, 4 * first, bytemuck::cast_slice(body_of));
+        channels(binding::FRAME_VELOCITY, &data.velocity);
+        channels(binding::FRAME_DEFORMATION, &data.deformation);
+        self.live += n;
     }
 
     /// Makes room for `capacity` blocks; the grid and block list of `keep` survive.

@@ -84,7 +84,7 @@ impl GpuEngine {
         let data = frame.data(&problem.particles)?;
         let (sdf_ops, sdf_samples, colliders) = upload::colliders(problem);
         let sizes = Sizes {
-            particles: problem.particles.len(),
+            particles: problem.total_particles(),
             table: frame.table_len(),
             // Room to spread before the first growth.
             capacity: frame.active_blocks(&data.position) * 5 / 4 + 64,
@@ -96,12 +96,9 @@ impl GpuEngine {
             sdf_samples: sdf_samples.len(),
             colliders: colliders.len(),
         };
-        let buffers = Buffers::new(&gpu, sizes)?;
+        let mut buffers = Buffers::new(&gpu, sizes)?;
+        buffers.put_states(&gpu, &data, &problem.particles.body);
         let write = |b: usize, bytes: &[u8]| gpu.queue.write_buffer(buffers.get(b), 0, bytes);
-        write(binding::FRAME_POSITION, bytemuck::cast_slice(&data.position));
-        write(binding::FRAME_VELOCITY, bytemuck::cast_slice(&data.velocity));
-        write(binding::FRAME_DEFORMATION, bytemuck::cast_slice(&data.deformation));
-        write(binding::BODY_OF, bytemuck::cast_slice(&problem.particles.body));
         write(binding::BODIES, bytemuck::cast_slice(&upload::bodies(problem)));
         write(binding::MATERIALS, bytemuck::cast_slice(&upload::materials(problem)));
         write(binding::SDF_OPS, bytemuck::cast_slice(&sdf_ops));
@@ -381,6 +378,11 @@ impl Engine for GpuEngine {
     }
 
     fn advance_frame(&mut self, frame_s: f64, control: &dyn Control) -> Result<FrameStats, EngineError> {
+        if self.buffers.live == 0 {
+            // Sources that have not opened yet.
+            self.time_s += frame_s;
+            return Ok(FrameStats::default());
+        }
         let mut steps = 0;
         let mut done_s = 0.0;
         let mut longest_s = f64::INFINITY;
@@ -418,6 +420,16 @@ impl Engine for GpuEngine {
             time_s: self.time_s,
             what: format!("a frame needed more than {MAX_PLANS} plans"),
         })
+    }
+
+    fn append(&mut self, particles: &Particles) -> Result<(), EngineError> {
+        let data = self.frame.data(particles)?;
+        self.buffers.put_states(&self.gpu, &data, &particles.body);
+        self.frame.body_of.extend(&particles.body);
+        self.params.live = self.buffers.live as u32;
+        let speed = |v: &[f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+        self.max_speed = particles.v.iter().map(speed).fold(self.max_speed, f64::max);
+        self.gpu.check()
     }
 
     fn snapshot(&mut self) -> Result<Particles, EngineError> {

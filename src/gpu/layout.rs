@@ -60,7 +60,7 @@ pub struct Params {
     pub first_step: u32,
     pub soft_demand: f32,
     pub soft_growth: f32,
-    pub spare0: u32,
+    pub live: u32,
     pub spare1: u32,
     pub walls: [[f32; 4]; 6],
 }

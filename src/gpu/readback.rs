@@ -46,10 +46,10 @@ pub fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Result<Ve
 /// Full states at the last frame boundary.
 pub fn particles(gpu: &Gpu, b: &Buffers, frame: &Frame) -> Result<Particles, EngineError> {
     let n = b.sizes.particles;
-    let position: Vec<[u32; 4]> = read(gpu, b.get(binding::FRAME_POSITION), n)?;
+    let position: Vec<[u32; 4]> = read(gpu, b.get(binding::FRAME_POSITION), b.live)?;
     let velocity: Vec<f32> = read(gpu, b.get(binding::FRAME_VELOCITY), 12 * n)?;
     let deformation: Vec<f32> = read(gpu, b.get(binding::FRAME_DEFORMATION), b.sizes.channels * n)?;
-    Ok(frame.particles(&position, &velocity, &deformation))
+    Ok(frame.particles(&position, &velocity, &deformation, n))
 }
 
 /// What the surfaces took since the sums were cleared: impulses and moments.

@@ -68,7 +68,7 @@ pub fn record(
     match extent {
         Extent::One => pass.dispatch_workgroups(1, 1, 1),
         Extent::Particles => {
-            let groups = (b.sizes.particles as u32).div_ceil(workgroup);
+            let groups = (b.live as u32).div_ceil(workgroup);
             pass.dispatch_workgroups(groups.min(32768), groups.div_ceil(32768), 1);
         }
         Extent::Device(which) => pass.dispatch_workgroups_indirect(&b.dispatches, 16 * which as u64),

@@ -27,7 +27,8 @@ pub struct Frame {
     blocks: [usize; 3],
     pad: [usize; 3],
     periodic: [bool; 3],
-    body_of: Vec<u32>,
+    /// Of the particles that there are.
+    pub body_of: Vec<u32>,
     /// By body.
     fluid: Vec<bool>,
     /// By body: whether particles have a plastic state.
@@ -155,10 +156,10 @@ impl Frame {
     }
 
     /// Device states as particles in scene coordinates.
-    pub fn particles(&self, position: &[[u32; 4]], velocity: &[f32], deformation: &[f32]) -> Particles {
-        let n = position.len();
+    /// `n`: the stride of channels.
+    pub fn particles(&self, position: &[[u32; 4]], velocity: &[f32], deformation: &[f32], n: usize) -> Particles {
         let mut out = Particles { body: self.body_of.clone(), ..Particles::default() };
-        for id in 0..n {
+        for id in 0..position.len() {
             let p = position[id];
             let block = p[3] as usize;
             let at = [
@@ -191,7 +192,8 @@ impl Frame {
     pub fn params(&self, problem: &Problem) -> Params {
         Params {
             blocks: self.blocks.map(|b| b as u32),
-            particles: self.body_of.len() as u32,
+            particles: problem.total_particles() as u32,
+            live: self.body_of.len() as u32,
             cells: problem.cells.map(|c| c as f32),
             dx: problem.dx as f32,
             gravity: problem.gravity.map(|g| g as f32),

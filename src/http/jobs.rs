@@ -43,7 +43,7 @@ pub async fn submit(
     let new = judge(&api, request, move |admitted| NewJob {
         name: name.unwrap_or(admitted.scene.name),
         scene: admitted.document,
-        particles: admitted.problem.particles.len() as u64,
+        particles: admitted.problem.total_particles() as u64,
         frames: u64::from(admitted.problem.frames) + 1,
         end_time_s: f64::from(admitted.problem.frames) * admitted.problem.frame_s,
         idempotency_key,

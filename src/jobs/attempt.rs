@@ -108,7 +108,7 @@ fn execute(
     if let Err(error) = context.runtime.block_on(noted) {
         tracing::warn!(job = %claim.id, %error, "cannot note the device");
     }
-    watch.loaded(problem.particles.len() as u64);
+    watch.loaded(problem.total_particles() as u64);
     let outputs = Outputs {
         recording: files.recording(),
         thumbnail: Some(files.thumbnail()),

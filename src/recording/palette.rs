@@ -54,7 +54,8 @@ impl Palette {
 
 /// The larger of twice the initial top speed and the speed of a fall through the domain; 1 m/s where nothing moves.
 fn characteristic_speed(problem: &Problem) -> f64 {
-    let fastest = problem.particles.v.iter().map(|v| v.iter().map(|c| c * c).sum()).fold(0.0, f64::max);
+    let sources = problem.sources.iter().map(|source| &source.velocity);
+    let fastest = problem.particles.v.iter().chain(sources).map(|v| v.iter().map(|c| c * c).sum()).fold(0.0, f64::max);
     let fall: f64 = (0..3).map(|a| 2.0 * problem.gravity[a].abs() * problem.cells[a] as f64 * problem.dx).sum();
     let speed = (4.0 * fastest).max(fall).sqrt();
     if speed > 0.0 { speed } else { 1.0 }

@@ -12,7 +12,7 @@ use crate::sim::problem::{Field, Problem};
 
 /// Which particles are recorded and how a point is laid out; the same for all frames.
 pub struct Points {
-    /// Indices of the recorded particles, ascending.
+    /// Indices of the recorded particles, ascending; those that sources have yet to bring are left out until then.
     pub selected: Vec<u32>,
     palette: Palette,
     layout: Vec<PackedElementField>,
@@ -33,13 +33,14 @@ impl Points {
         }
         // Viewers take these four names for the points' colours without being told.
         ["red", "green", "blue", "alpha"].iter().for_each(|name| add(name, NumericType::Uint8, 1));
-        let selected = select(problem.particles.len(), problem.preview_points, problem.seed);
+        let selected = select(problem.total_particles(), problem.preview_points, problem.seed);
         Self { selected, palette: Palette::new(problem), stride: stride as usize, layout }
     }
 
     /// The frame's point cloud.
     pub fn message(&self, problem: &Problem, particles: &Particles, timestamp: Timestamp) -> PointCloud {
-        let mut data = vec![0u8; self.stride * self.selected.len()];
+        let present = self.selected.partition_point(|&p| (p as usize) < particles.len());
+        let mut data = vec![0u8; self.stride * present];
         data.par_chunks_mut(self.stride).zip(&self.selected).for_each(|(bytes, &p)| {
             self.write_point(problem, particles, p as usize, bytes);
         });

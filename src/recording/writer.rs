@@ -238,9 +238,9 @@ fn provenance_records(header: &Header, points: &Points) -> [(&'static str, BTree
         ("dx_m", problem.dx.to_string()),
         ("frames", (u64::from(problem.frames) + 1).to_string()),
         ("frame_s", problem.frame_s.to_string()),
-        ("particles", problem.particles.len().to_string()),
+        ("particles", problem.total_particles().to_string()),
         ("points", points.selected.len().to_string()),
-        ("decimation", (points.selected.len() as f64 / problem.particles.len().max(1) as f64).to_string()),
+        ("decimation", (points.selected.len() as f64 / problem.total_particles().max(1) as f64).to_string()),
     ]);
     let hardware = record(&[
         ("backend", backend.kind.clone()),

@@ -6,6 +6,7 @@ use super::build_motion::colliders;
 use super::sampling::Lattice;
 use super::schema::{self, Boundary, ContactKind, Material, Sampling, Scene, Shape, Transfer};
 use super::solid::{sdf, vector3};
+use super::sources;
 use crate::material::initial_plastic_state;
 use crate::sim::collider::{Sdf, rotate};
 use crate::sim::moments::moment_matrix;
@@ -59,6 +60,7 @@ pub(super) fn build(scene: &Scene) -> Problem {
         gravity: scene.gravity.as_deref().map_or([0.0; 3], vector3),
         materials: scene.materials.values().cloned().collect(),
         bodies: Vec::new(),
+        sources: Vec::new(),
         colliders: colliders(scene),
         particles: Particles::default(),
         kernel: scene.solver.kernel,
@@ -66,15 +68,23 @@ pub(super) fn build(scene: &Scene) -> Problem {
         precision: scene.solver.precision,
         cfl: scene.solver.cfl,
         max_dt_s: scene.solver.max_dt,
-        frames: (scene.time.end * scene.time.frame_rate).round() as u32,
+        frames: sources::frames(scene),
         frame_s: 1.0 / scene.time.frame_rate,
         fields: scene.output.fields.clone(),
         preview_points: scene.output.preview_points as usize,
         seed: scene.seed,
     };
+    let material = |name: &str| materials.iter().position(|known| *known == name).expect("a valid scene");
     for (index, body) in scene.bodies.iter().enumerate() {
-        let material = materials.iter().position(|name| **name == body.material).expect("a valid scene");
-        add_body(&mut problem, scene, body, index, material);
+        add_body(&mut problem, scene, body, index, material(&body.material));
+    }
+    for source in &scene.sources {
+        let built = sources::build(scene, source, problem.bodies.len());
+        let material = material(&source.material);
+        let (volume0, none) = (built.spacing.powi(dimension as i32), problem.particles.len());
+        let mass = problem.materials[material].density() * volume0;
+        problem.bodies.push(Body { name: source.name.clone(), material, particles: none..none, volume0, mass });
+        problem.sources.push(built);
     }
     problem
 }

@@ -22,6 +22,7 @@ const NODE_BYTES: u64 = 32;
 /// The cost of a run, from its state at time 0.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Estimate {
+    /// At the end: with all that sources bring.
     pub particles: u64,
     /// Cells of the domain on each axis.
     pub cells: [usize; 3],
@@ -77,8 +78,8 @@ fn dt_limits(problem: &Problem, extremes: &Extremes) -> Vec<Limit> {
 pub fn estimate(problem: &Problem) -> Estimate {
     let extremes = initial_extremes(problem);
     let plan = plan_frame(problem, &extremes, problem.frame_s);
-    let particles = problem.particles.len() as u64;
-    let blocks = active_blocks(problem);
+    let particles = problem.total_particles() as u64;
+    let blocks = active_blocks(problem) + emitted_blocks(problem);
     let steps = plan.steps.saturating_mul(u64::from(problem.frames));
     Estimate {
         particles,
@@ -93,7 +94,7 @@ pub fn estimate(problem: &Problem) -> Estimate {
         steps_per_frame: plan.steps,
         frames: problem.frames,
         steps,
-        particle_steps: particles as f64 * steps as f64,
+        particle_steps: particle_frames(problem) * plan.steps as f64,
         simulated_s: f64::from(problem.frames) * problem.frame_s,
     }
 }
@@ -116,8 +117,24 @@ fn device_memory_bytes(problem: &Problem, blocks: u64) -> Option<u64> {
     let particle = DEVICE_BYTES_PER_PARTICLE + 4 * channels * DEFORMATION_COPIES;
     let nodes = blocks * BLOCK_CELLS * grids;
     let explicit = problem.dimension == 3 && problem.precision == crate::sim::problem::Precision::F32;
-    let particles = problem.particles.len() as u64 * particle;
+    let particles = problem.total_particles() as u64 * particle;
     explicit.then(|| particles + table * TABLE_BYTES_PER_BLOCK + nodes * NODE_BYTES + field_bytes(problem))
+}
+
+/// Particles summed over all frames, in each those that there are.
+fn particle_frames(problem: &Problem) -> f64 {
+    let emitted = problem.sources.iter().flat_map(|source| {
+        let frames = source.by_frame.iter().enumerate();
+        frames.map(|(frame, &n)| n as f64 * f64::from(problem.frames.saturating_sub(frame as u32)))
+    });
+    problem.particles.len() as f64 * f64::from(problem.frames) + emitted.sum::<f64>()
+}
+
+/// Blocks that sources will fill: the volume that they bring at rest, and as many beside it.
+fn emitted_blocks(problem: &Problem) -> u64 {
+    let block = (4.0 * problem.dx).powi(problem.dimension as i32);
+    let volume = |source: &crate::sim::source::Source| source.total() as f64 * problem.bodies[source.body].volume0;
+    (2.0 * problem.sources.iter().map(volume).sum::<f64>() / block).ceil() as u64
 }
 
 /// Memory of the colliders' sampled distances (bytes).

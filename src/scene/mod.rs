@@ -17,6 +17,7 @@ mod resolve;
 mod sampling;
 pub mod schema;
 mod solid;
+mod sources;
 mod structure;
 mod suggest;
 mod validate;
@@ -121,7 +122,7 @@ pub fn problem_with(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Resu
     let scene = resolved(scene, limits, assets)?;
     let mut faults = Faults::default();
     let problem = build::build(&scene);
-    for (n, body) in problem.bodies.iter().enumerate() {
+    for (n, body) in problem.bodies.iter().take(scene.bodies.len()).enumerate() {
         if body.particles.is_empty() {
             let at = format!("/bodies/{n}/shape");
             faults.add(&at, "no_particles", "no random point fell into the shape", "make the shape larger or lower dx");

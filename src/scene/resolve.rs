@@ -39,6 +39,9 @@ pub fn resolve(scene: &Scene, limits: &Limits, assets: &dyn Assets, faults: &mut
             resolver.shape(&mut grip.shape, &format!("/bodies/{n}/grips/{k}/shape"), spacing);
         }
     }
+    for (n, source) in scene.sources.iter_mut().enumerate() {
+        resolver.shape(&mut source.shape, &format!("/sources/{n}/shape"), spacing);
+    }
     for (n, collider) in scene.colliders.iter_mut().enumerate() {
         resolver.shape(&mut collider.shape, &format!("/colliders/{n}/shape"), spacing);
     }

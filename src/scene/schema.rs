@@ -5,9 +5,11 @@
 
 mod material;
 mod motion;
+mod source;
 
 pub use material::{DruckerPrager, Elastic, Elasticity, Fluid, Material, Nacc, Snow, VonMises};
 pub use motion::{Collider, Grip, Keyframe, Motion};
+pub use source::Source;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -39,6 +41,9 @@ pub struct Scene {
     pub gravity: Option<Vector>,
     pub materials: BTreeMap<String, Material>,
     pub bodies: Vec<Body>,
+    /// Shapes that emit material.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sources: Vec<Source>,
     #[serde(default)]
     pub colliders: Vec<Collider>,
     pub time: Time,

@@ -11,6 +11,7 @@ use super::poisson;
 use super::sampling::Lattice;
 use super::schema::{Body, Boundary, ContactKind, Domain, Output, Sampling, Scene, Shape, Solver, Time};
 use super::solid::{sdf, vector3};
+use super::sources::check_source;
 use super::suggest::{closest, list, quote};
 use super::validate_material::check_material;
 use super::validate_motion::check_colliders;
@@ -48,9 +49,9 @@ pub fn check(scene: &Scene, limits: &Limits, faults: &mut Faults) {
     for (name, material) in &scene.materials {
         check_material(&mut check, &join("/materials", name), material);
     }
+    check.time(&scene.time);
     check.bodies();
     check_colliders(&mut check, scene);
-    check.time(&scene.time);
     check.solver(&scene.solver);
     check.output(&scene.output);
 }
@@ -232,13 +233,22 @@ impl Check<'_> {
 
     fn bodies(&mut self) {
         let scene = self.scene;
-        if scene.bodies.is_empty() {
-            self.faults.add("/bodies", "empty", "there are no bodies", "add at least one");
+        if scene.bodies.is_empty() && scene.sources.is_empty() {
+            self.faults.add("/bodies", "empty", "there are no bodies", "add at least one, or a source");
         }
-        self.unique(scene.bodies.iter().enumerate().map(|(n, body)| (format!("/bodies/{n}/name"), body.name.clone())));
+        let bodies = scene.bodies.iter().enumerate().map(|(n, body)| (format!("/bodies/{n}/name"), body.name.clone()));
+        let sources = scene.sources.iter().enumerate().map(|(n, s)| (format!("/sources/{n}/name"), s.name.clone()));
+        self.unique(bodies.chain(sources));
         let (mut total, mut counted) = (0, true);
         for (n, body) in scene.bodies.iter().enumerate() {
             match self.body(&format!("/bodies/{n}"), body) {
+                Some(particles) => total += particles,
+                None => counted = false,
+            }
+        }
+        let most = self.most_particles();
+        for (n, source) in scene.sources.iter().enumerate() {
+            match check_source(self, &format!("/sources/{n}"), scene, source, most) {
                 Some(particles) => total += particles,
                 None => counted = false,
             }
@@ -263,17 +273,27 @@ impl Check<'_> {
         }
     }
 
-    /// Judges a body; its number of particles, if that can be told.
-    fn body(&mut self, at: &str, body: &Body) -> Option<u64> {
+    /// Particles that one body or source may have.
+    fn most_particles(&self) -> u64 {
+        self.limits.max_particles.min(self.limits.max_memory_bytes / estimate::HOST_BYTES_PER_PARTICLE)
+    }
+
+    /// The `material` of the value at `at`.
+    pub fn known_material(&mut self, at: &str, name: &str) {
         let materials: Vec<&str> = self.scene.materials.keys().map(String::as_str).collect();
-        if !materials.contains(&body.material.as_str()) {
-            let remedy = match closest(&body.material, &materials) {
+        if !materials.contains(&name) {
+            let remedy = match closest(name, &materials) {
                 Some(near) => format!("did you mean `{near}`?"),
                 None => format!("the materials are {}", list(materials.iter().copied())),
             };
-            let reason = format!("there is no material {}", quote(&body.material));
+            let reason = format!("there is no material {}", quote(name));
             self.faults.add(&join(at, "material"), "unknown_material", reason, remedy);
         }
+    }
+
+    /// Judges a body; its number of particles, if that can be told.
+    fn body(&mut self, at: &str, body: &Body) -> Option<u64> {
+        self.known_material(at, &body.material);
         let (per_cell, per_axis) = particles_per_cell(body, self.dimension);
         if per_axis.is_none() && self.has_dimension() {
             let d = self.dimension;
@@ -354,7 +374,7 @@ impl Check<'_> {
         let n = cells(domain, d).map(|n| n.round() as usize);
         let inside = whole.clipped(n, per_axis);
         let sticks_out = whole.candidates() > inside.candidates();
-        let most = self.limits.max_particles.min(self.limits.max_memory_bytes / estimate::HOST_BYTES_PER_PARTICLE);
+        let most = self.most_particles();
         let count = |lattice: &Lattice| lattice.count(&sdf, most);
         if whole.candidates() > MAX_CANDIDATES && sticks_out {
             let reason = format!("the body spans {} to {}, far beyond the domain", extent(lower), extent(upper));

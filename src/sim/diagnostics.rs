@@ -300,6 +300,7 @@ mod tests {
             gravity: [0.0, 0.0, -10.0],
             materials: vec![Material::FixedCorotated(elastic)],
             bodies: vec![body],
+            sources: vec![],
             colliders: vec![],
             particles,
             kernel,

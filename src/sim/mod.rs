@@ -11,5 +11,6 @@ pub mod particles;
 pub mod problem;
 pub mod reaction;
 pub mod real;
+pub mod source;
 pub mod svd;
 pub mod timestep;

@@ -25,6 +25,16 @@ impl Particles {
         self.x.len()
     }
 
+    /// Puts others behind these.
+    pub fn append(&mut self, mut others: Self) {
+        self.x.append(&mut others.x);
+        self.v.append(&mut others.v);
+        self.b.append(&mut others.b);
+        self.f.append(&mut others.f);
+        self.plastic.append(&mut others.plastic);
+        self.body.append(&mut others.body);
+    }
+
     pub fn is_empty(&self) -> bool {
         self.x.is_empty()
     }

@@ -1,7 +1,11 @@
 //! A scene made ready to run: validated, sampled, in plain numbers.
 
+use rayon::prelude::*;
+
 use super::collider::Collider;
-use super::particles::Particles;
+use super::particles::{IDENTITY, Particles};
+use super::source::Source;
+use crate::material::initial_plastic_state;
 pub use crate::scene::schema::{ContactKind, Field, Kernel, Material, Precision, Transfer};
 
 /// What a surface does to the material that meets it.
@@ -25,7 +29,7 @@ pub struct Body {
     pub name: String,
     /// Index into [`Problem::materials`].
     pub material: usize,
-    /// Its particles.
+    /// Its particles at time 0; those of a source come later.
     pub particles: std::ops::Range<usize>,
     /// Initial volume of one particle (m³; 2D: m²).
     pub volume0: f64,
@@ -48,6 +52,7 @@ pub struct Problem {
     pub gravity: [f64; 3],
     pub materials: Vec<Material>,
     pub bodies: Vec<Body>,
+    pub sources: Vec<Source>,
     pub colliders: Vec<Collider>,
     /// State at time 0.
     pub particles: Particles,
@@ -64,4 +69,28 @@ pub struct Problem {
     pub fields: Vec<Field>,
     pub preview_points: usize,
     pub seed: u64,
+}
+
+impl Problem {
+    /// Particles at the end of the run, with all that sources bring.
+    pub fn total_particles(&self) -> usize {
+        self.particles.len() + self.sources.iter().map(Source::total).sum::<u64>() as usize
+    }
+
+    /// What the sources put in at the start of a frame; frame 0 begins at time 0. Their ids follow those that are there.
+    pub fn emission(&self, frame: u32) -> Particles {
+        let mut new = Particles::default();
+        for source in self.sources.iter().filter(|s| s.by_frame.get(frame as usize).is_some_and(|&n| n > 0)) {
+            let material = &self.materials[self.bodies[source.body].material];
+            let mut x: Vec<[f64; 3]> = source.entering(frame).collect();
+            new.x.append(&mut x);
+            let count = new.x.len();
+            new.v.resize(count, source.velocity);
+            new.b.resize(count, [0.0; 9]);
+            new.f.resize(count, IDENTITY);
+            new.plastic.resize(count, initial_plastic_state(material));
+            new.body.resize(count, source.body as u32);
+        }
+        new
+    }
 }

@@ -7,3 +7,4 @@ mod one_step;
 mod prescribed;
 mod problems;
 mod reactions;
+mod streams;

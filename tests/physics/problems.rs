@@ -44,6 +44,7 @@ pub fn empty(dimension: usize, cells: Vec3, dx: f64) -> Problem {
         gravity: [0.0; 3],
         materials: Vec::new(),
         bodies: Vec::new(),
+        sources: Vec::new(),
         colliders: Vec::new(),
         particles: Particles::default(),
         kernel: Kernel::Compact,

@@ -66,6 +66,11 @@ impl Engine for Ballistic {
         Ok(FrameStats { steps: STEPS, dt_s: frame_s / STEPS as f64, isolated_reset: self.frame % 2, reactions })
     }
 
+    fn append(&mut self, particles: &Particles) -> Result<(), EngineError> {
+        self.state.append(particles.clone());
+        Ok(())
+    }
+
     fn snapshot(&mut self) -> Result<Particles, EngineError> {
         Ok(self.state.clone())
     }
@@ -166,6 +171,7 @@ pub fn problem(spacing: f64) -> Problem {
         gravity: [0.0, 0.0, -9.81],
         materials: scene.materials.values().cloned().collect(),
         bodies,
+        sources: vec![],
         colliders: vec![
             collider("paddle", vec![solid(Primitive::Box([0.1, 0.02, 0.2]), [1.0, 0.5, 0.5])], &spinning),
             collider("ring", vec![solid(Primitive::Torus(0.2, 0.05), [0.5, 0.5, 0.2])], &still),

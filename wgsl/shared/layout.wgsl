@@ -8,7 +8,7 @@
 
 struct Params {
     blocks: vec3<u32>,       // extent of the dense block table
-    particles: u32,
+    particles: u32,          // room for them: the stride of channels
     cells: vec3<f32>,        // extent of the domain in cells
     dx: f32,                 // m
     gravity: vec3<f32>,      // m/s²
@@ -23,7 +23,7 @@ struct Params {
     first_step: u32,         // step that `poses` begins with
     soft_demand: f32,        // demand of a material (1/s²) above which the host plans smaller steps
     soft_growth: f32,        // entry of dt ∇v above which it does
-    spare0: u32,
+    live: u32,               // particles that there are
     spare1: u32,
     walls: array<vec4<f32>, 6>, // x-, x+, y-, y+, z-, z+: contact kind, friction, unused, unused
 }

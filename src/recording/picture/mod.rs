@@ -56,7 +56,7 @@ impl Camera {
     }
 
     fn new(problem: &Problem, quality: &Quality) -> Self {
-        let count = problem.particles.len();
+        let count = problem.total_particles();
         let selected = select(count, quality.particles, problem.seed);
         let growth = (count as f64 / selected.len().max(1) as f64).powf(1.0 / problem.dimension as f64);
         Self { view: View::of(problem, quality), palette: Palette::new(problem), selected, growth }
@@ -83,7 +83,8 @@ impl Camera {
             let color = self.palette.color(body, (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt());
             Ball { center: V3::from(particles.x[p].map(|c| c as f32)), radius: radii[body as usize], color, gloss }
         };
-        self.selected.par_iter().map(ball).collect()
+        let present = self.selected.partition_point(|&p| (p as usize) < particles.len());
+        self.selected[..present].par_iter().map(ball).collect()
     }
 }
 

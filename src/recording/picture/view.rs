@@ -152,6 +152,13 @@ fn focus(problem: &Problem) -> Bounds {
             x[body.particles.clone()].iter().for_each(|x| add(to_f32(*x) + to_f32(flight)));
         }
     }
+    for source in &problem.sources {
+        let ends = corners(&source.sdf.bounds().map(to_f32));
+        for t in (0..=8).map(|step| end_s * f64::from(step) / 8.0) {
+            let flight: [f64; 3] = std::array::from_fn(|a| t * (source.velocity[a] + 0.5 * t * problem.gravity[a]));
+            ends.iter().for_each(|corner| add(*corner + to_f32(flight)));
+        }
+    }
     for collider in &problem.colliders {
         let bounds = collider.sdf.bounds().map(to_f32);
         if bounds.iter().all(|corner| corner.iter().all(|c| c.abs() < 1e10)) {

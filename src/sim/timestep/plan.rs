@@ -113,7 +113,13 @@ fn initial_demand_1_s2(problem: &Problem) -> f64 {
 
 /// Largest particle speed at time 0 (m/s).
 fn initial_speed_m_s(problem: &Problem) -> f64 {
-    problem.particles.v.iter().map(norm).fold(0.0, f64::max)
+    problem
+        .particles
+        .v
+        .iter()
+        .chain(problem.sources.iter().map(|source| &source.velocity))
+        .map(norm)
+        .fold(0.0, f64::max)
 }
 
 /// Largest ‖C‖ (Frobenius) at time 0 (1/s).
