@@ -2,7 +2,8 @@
 // In: fixed-point mass and momentum. Out: velocities as f32 bits in the momentum's place; mass unchanged; what surfaces took.
 // One workgroup an active block; each node is read and written by one lane.
 
-/// Contact with the two walls of axis `a`; a wall's nodes are those on or beyond its plane.
+/// Contact with the two walls of axis `a`; a wall's nodes are those whose index is on or beyond its plane: of the compact kernel's pairs
+/// i ± ¼ both or neither (src/sim/contact.rs says why).
 fn walls_of_axis(v: vec3<f32>, a: u32, x: f32, cells: f32, mass: f32, slot: u32) -> vec3<f32> {
     let upper = x >= cells;
     if (x > 0.0 && !upper) {
@@ -47,7 +48,7 @@ fn update(slot: u32, lane: u32) {
             let per_velocity = f32(mass) * (params.momentum_scale / params.mass_scale);
             v = (vec3<f32>(p) / f32(mass)) * (params.mass_scale / params.momentum_scale) + params.gravity * params.dt;
             let x = vec3<f32>(n) + vec3<f32>(node_offset(grid));
-            v = wall_velocity(v, x, per_velocity, slot);
+            v = wall_velocity(v, vec3<f32>(n), per_velocity, slot);
             if (params.colliders > 0u) {
                 v = collide(v, x * params.dx, per_velocity, slot);
             }

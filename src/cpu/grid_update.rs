@@ -161,7 +161,7 @@ impl Taken<'_> {
 fn walls<T: Real, const D: usize>(problem: &Problem, mut v: [T; D], at: &At<T, D>, taken: &mut Taken) -> [T; D] {
     for a in 0..D {
         let Axis::Walls(contacts) = &problem.axes[a] else { continue };
-        if let Some(side) = wall_side(at.node[a], at.shift, problem.cells[a] as i32) {
+        if let Some(side) = wall_side(at.node[a], problem.cells[a] as i32) {
             let mut normal = [T::ZERO; D];
             normal[a] = if side == 0 { T::ONE } else { -T::ONE };
             let after = respond(&contacts[side], &v, &normal, &[T::ZERO; D]);

@@ -40,14 +40,16 @@ pub fn respond<T: Real, const D: usize>(
     relative
 }
 
-/// Which wall of an axis a node is on or beyond: 0 the lower, 1 the upper. Node i of a grid lies at i + `shift` (dx),
-/// the walls' planes at 0 and `cells`.
+/// Which wall of an axis a node belongs to: 0 the lower, 1 the upper. Walls' planes are at node indices 0 and `cells`.
+///
+/// A single grid's wall nodes are those on or beyond the plane. The compact kernel's node i is a pair at i ± ¼ dx, and both belong to the wall if
+/// i does: with the nearer one alone left free, a body's outermost particles would be held by one of the two grids only, slip through the wall slowly and lose
+/// their energy to it. (A jelly cube that lands on a sticky floor kept 6 % of its energy after 60 ms instead of 77 %; the quadratic kernel's keeps 73 %.)
 #[inline]
-pub fn wall_side(node: i32, shift: f64, cells: i32) -> Option<usize> {
-    let position = node as f64 + shift;
-    if position <= 0.0 {
+pub fn wall_side(node: i32, cells: i32) -> Option<usize> {
+    if node <= 0 {
         Some(0)
-    } else if position >= cells as f64 {
+    } else if node >= cells {
         Some(1)
     } else {
         None
@@ -80,11 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn wall_nodes_are_on_or_beyond_the_plane() {
-        assert_eq!([-1, 0, 1].map(|i| wall_side(i, 0.0, 8)), [Some(0), Some(0), None]);
-        assert_eq!([-1, 0].map(|i| wall_side(i, 0.25, 8)), [Some(0), None]);
-        assert_eq!([0, 1].map(|i| wall_side(i, -0.25, 8)), [Some(0), None]);
-        assert_eq!([7, 8].map(|i| wall_side(i, 0.25, 8)), [None, Some(1)]);
-        assert_eq!([8, 9].map(|i| wall_side(i, -0.25, 8)), [None, Some(1)]);
+    fn wall_nodes_have_their_index_on_or_beyond_the_plane() {
+        assert_eq!([-1, 0, 1, 7, 8, 9].map(|i| wall_side(i, 8)), [Some(0), Some(0), None, None, Some(1), Some(1)]);
     }
 }
