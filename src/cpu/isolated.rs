@@ -1,9 +1,9 @@
 //! Particles that share no node with another, and their reset (Bai & Schroeder §5): alone, a particle oscillates against its own nodes, and
 //! steps of varying length can feed that without bound. So at every frame boundary, where the step may change,
-//! F ← I (a fluid's J ← 1) and C ← a rigid rotation [ω]; position, velocity and angular momentum stay.
+//! F ← I (a fluid's J ← 1) and C ← a rigid rotation `[ω]`; position, velocity and angular momentum stay.
 //!
 //! The paper takes the skew part of C. Where D is not a multiple of I (compact kernel) that is not the rotation with the particle's angular
-//! momentum L_k = ε_kij B_ji (per mass); B = [ω] D has it for (tr D I − D) ω = L.
+//! momentum L_k = ε_kij B_ji (per mass); B = `[ω]` D has it for (tr D I − D) ω = L.
 
 use super::chunk::{Chunk, LANES, Lanes, Stencils, matrix, set_matrix};
 use super::g2p::gather_lane;
@@ -52,7 +52,7 @@ pub fn reset<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: 
     }
 }
 
-/// [ω] for which [ω] D has the angular momentum of B.
+/// `[ω]` for which `[ω]` D has the angular momentum of B.
 fn rotation_of<T: Real, const D: usize>(b: &Matrix<T, D>, d: &Matrix<T, D>) -> Matrix<T, D> {
     let mut spin = [[T::ZERO; D]; D];
     if D == 2 {

@@ -47,7 +47,7 @@ impl<T: Real> FixedCorotated<T> {
         tau
     }
 
-    /// Bound on the stiffness ρ0 c² (Pa) at F, see [`Principal::stiffness`].
+    /// Bound on the stiffness ρ0 c² (Pa) at F, see `Principal::stiffness`.
     #[inline(always)]
     pub fn stiffness_at<const D: usize>(&self, f: &Matrix<T, D>) -> T {
         let j = det(f);

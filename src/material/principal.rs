@@ -57,7 +57,7 @@ pub struct Flow<T, const D: usize> {
     pub moved: bool,
     /// Principal Kirchhoff stresses (Pa).
     pub tau: Vector<T, D>,
-    /// ρ0 c² (Pa), see [`Principal::stiffness`].
+    /// ρ0 c² (Pa), see `Principal::stiffness`.
     pub stiffness: T,
 }
 

@@ -1,7 +1,7 @@
 //! Sources: shapes that emit a stream of particles between two times.
 //!
 //! The stream is a lattice that moves with the source's velocity v: the point X of the lattice at time 0 is at X + v t. A point
-//! that enters the shape during a frame is put in at the frame's start, where it is then, upstream of the shape. So the stream
+//! that enters the shape during a frame is put in at the frame's start, where it is then, upstream of the shape. Without gravity the stream
 //! is regular and has no gaps at frame boundaries, what is emitted follows from the scene alone, and the mass that has entered
 //! through a face of area A grows as ρ A v t. Points that are in the shape when the source opens are not emitted.
 
