@@ -96,6 +96,20 @@ pub fn run(
     outcome.and(kept)
 }
 
+/// Simulates the frame after frame boundary `frame`: what sources emit then, and all particles' motion.
+pub fn advance(
+    problem: &Problem,
+    engine: &mut dyn Engine,
+    frame: u32,
+    control: &dyn Control,
+) -> Result<FrameStats, EngineError> {
+    let emission = problem.emission(frame);
+    if !emission.is_empty() {
+        engine.append(&emission)?;
+    }
+    engine.advance_frame(problem.frame_s, control)
+}
+
 /// Computes all frames and hands each over, until `take` refuses one.
 fn step(
     problem: &Problem,
@@ -109,11 +123,7 @@ fn step(
             if observer.canceled() {
                 return Err(EngineError::Canceled);
             }
-            let emission = problem.emission(frame as u32 - 1);
-            if !emission.is_empty() {
-                engine.append(&emission)?;
-            }
-            stats = engine.advance_frame(problem.frame_s, observer)?;
+            stats = advance(problem, engine, frame as u32 - 1, observer)?;
         }
         if !take((frame, engine.snapshot()?, std::mem::take(&mut stats))) {
             break;

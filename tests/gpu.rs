@@ -219,11 +219,7 @@ fn sources_emit_what_the_cpu_emits() {
     );
     let simulate = |engine: &mut dyn Engine| -> Vec<Particles> {
         let frame = |frame: u32| {
-            let emission = problem.emission(frame);
-            if !emission.is_empty() {
-                engine.append(&emission).unwrap();
-            }
-            engine.advance_frame(problem.frame_s, &NoControl).unwrap();
+            gridfall::run::advance(&problem, engine, frame, &NoControl).unwrap();
             engine.snapshot().unwrap()
         };
         (0..problem.frames).map(frame).collect()

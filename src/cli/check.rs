@@ -1,6 +1,6 @@
 //! `gridfall check`: all faults of a scene, or what a run would cost here.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
@@ -10,11 +10,10 @@ use serde_json::json;
 
 use super::CliError;
 use super::device::DeviceArguments;
-use super::run::files_beside;
+use super::run::load;
 use crate::backend::Devices;
 use crate::engine::{Backend, Control, EngineError};
 use crate::scene::estimate::{Estimate, Limit, estimate};
-use crate::scene::{self, Fault, Limits};
 use crate::sim::problem::Problem;
 
 /// Wall time of a calibration (s); a device gets as much again to warm up.
@@ -45,13 +44,13 @@ struct Speed {
 }
 
 pub fn execute(arguments: Arguments) -> Result<(), CliError> {
-    let problem = match load(&arguments.scene, &arguments.overrides)? {
-        Ok(problem) => problem,
-        Err(faults) => {
-            if arguments.json {
+    let problem = match load(&arguments.scene, &arguments.overrides) {
+        Ok((_, problem)) => problem,
+        Err(error) => {
+            if let (true, CliError::Faults { faults, .. }) = (arguments.json, &error) {
                 println!("{:#}", json!({ "valid": false, "faults": faults }));
             }
-            return Err(CliError::Faults { scene: name(&arguments.scene), faults });
+            return Err(error);
         }
     };
     let estimate = estimate(&problem);
@@ -64,18 +63,6 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         print!("{}", text(&problem, &estimate, &speed));
     }
     Ok(())
-}
-
-fn load(path: &Path, overrides: &[String]) -> Result<Result<Problem, Vec<Fault>>, CliError> {
-    let text =
-        if path == Path::new("-") { std::io::read_to_string(std::io::stdin()) } else { std::fs::read_to_string(path) };
-    let text = text.map_err(|e| CliError::BadInput(format!("cannot read {}: {e}", name(path))))?;
-    let scene = scene::parse_with(&text, overrides);
-    Ok(scene.and_then(|scene| scene::problem_with(&scene, &Limits::default(), &files_beside(path))))
-}
-
-fn name(path: &Path) -> String {
-    if path == Path::new("-") { "standard input".into() } else { path.display().to_string() }
 }
 
 /// Runs the beginning of a problem for a moment: a few steps to warm up, then as many as fit into the time.

@@ -113,7 +113,7 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<(Scene, Problem), CliEr
 }
 
 /// The files that a scene may name: those in its folder, or in the current one if it comes from standard input.
-pub fn files_beside(scene: &Path) -> LocalFiles {
+fn files_beside(scene: &Path) -> LocalFiles {
     LocalFiles { folder: scene.parent().map(Path::to_owned).unwrap_or_default() }
 }
 

@@ -59,7 +59,7 @@ macro_rules! principal {
 
 impl<T: Real> Law<T> {
     pub fn new(material: &Material) -> Self {
-        let elastic = material.elastic().unwrap_or(Elastic { density: 0.0, youngs_modulus: 0.0, poissons_ratio: 0.0 });
+        let elastic = || material.elastic().expect("only fluids have none");
         match material {
             Material::FixedCorotated(elastic) => Self::FixedCorotated(FixedCorotated::new(elastic)),
             Material::NeoHookean(elastic) => Self::NeoHookean(NeoHookean::new(elastic)),
@@ -67,10 +67,10 @@ impl<T: Real> Law<T> {
             Material::WeaklyCompressibleFluid(fluid) => {
                 Self::WeaklyCompressibleFluid(WeaklyCompressibleFluid::new(fluid))
             }
-            Material::DruckerPrager(sand) => Self::DruckerPrager(DruckerPrager::new(sand, &elastic)),
-            Material::Nacc(clay) => Self::Nacc(Nacc::new(clay, &elastic)),
-            Material::VonMises(metal) => Self::VonMises(VonMises::new(metal, &elastic)),
-            Material::Snow(snow) => Self::Snow(Snow::new(snow, &elastic)),
+            Material::DruckerPrager(sand) => Self::DruckerPrager(DruckerPrager::new(sand, &elastic())),
+            Material::Nacc(clay) => Self::Nacc(Nacc::new(clay, &elastic())),
+            Material::VonMises(metal) => Self::VonMises(VonMises::new(metal, &elastic())),
+            Material::Snow(snow) => Self::Snow(Snow::new(snow, &elastic())),
         }
     }
 

@@ -31,11 +31,7 @@ fn pouring(precision: &str, gravity: f64, bodies: &str) -> Problem {
 fn run(problem: &Problem) -> Vec<Particles> {
     let mut engine = CpuEngine::new(problem).unwrap();
     let frame = |frame: u32| {
-        let emission = problem.emission(frame);
-        if !emission.is_empty() {
-            engine.append(&emission).unwrap();
-        }
-        engine.advance_frame(problem.frame_s, &NoControl).unwrap();
+        gridfall::run::advance(problem, &mut engine, frame, &NoControl).unwrap();
         engine.snapshot().unwrap()
     };
     (0..problem.frames).map(frame).collect()
