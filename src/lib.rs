@@ -9,6 +9,7 @@ pub mod cpu;
 pub mod engine;
 pub mod gpu;
 pub mod http;
+pub mod implicit;
 pub mod jobs;
 pub mod material;
 pub mod provenance;

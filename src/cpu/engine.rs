@@ -148,7 +148,7 @@ impl Engine for CpuEngine {
         }
         let steps = self.step - first_step;
         let reactions = impulses.iter().map(|j| j.times(1.0 / frame_s)).collect();
-        Ok(FrameStats { steps, dt_s: frame_s / steps as f64, isolated_reset, reactions })
+        Ok(FrameStats { steps, dt_s: frame_s / steps as f64, isolated_reset, reactions, solves: Vec::new() })
     }
 
     fn append(&mut self, particles: &Particles) -> Result<(), EngineError> {

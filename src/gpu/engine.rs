@@ -412,7 +412,13 @@ impl Engine for GpuEngine {
                 self.time_s = start_s + frame_s;
                 let reactions = impulses.iter().map(|j| j.times(1.0 / frame_s)).collect();
                 let isolated_reset = self.isolated;
-                return Ok(FrameStats { steps, dt_s: frame_s / steps as f64, isolated_reset, reactions });
+                return Ok(FrameStats {
+                    steps,
+                    dt_s: frame_s / steps as f64,
+                    isolated_reset,
+                    reactions,
+                    solves: Vec::new(),
+                });
             }
         }
         Err(EngineError::Diverged {

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::build_motion::colliders;
 use super::sampling::Lattice;
-use super::schema::{self, Boundary, ContactKind, Material, Sampling, Scene, Shape, Transfer};
+use super::schema::{self, Boundary, ContactKind, Integrator, Material, Sampling, Scene, Shape, Transfer};
 use super::solid::{sdf, vector3};
 use super::sources;
 use crate::material::initial_plastic_state;
@@ -68,6 +68,11 @@ pub(super) fn build(scene: &Scene) -> Problem {
         precision: scene.solver.precision,
         cfl: scene.solver.cfl,
         max_dt_s: scene.solver.max_dt,
+        integrator: match scene.solver.integrator {
+            Integrator::Auto => Integrator::Explicit,
+            chosen => chosen,
+        },
+        implicit: scene.solver.implicit,
         frames: sources::frames(scene),
         frame_s: 1.0 / scene.time.frame_rate,
         fields: scene.output.fields.clone(),

@@ -3,10 +3,12 @@
 //! SI units, z up, unknown fields refused. Vectors have as many components as the scene has dimensions.
 //! These types say what a scene may *look* like; whether it makes sense is decided by `scene::validate`.
 
+mod implicit;
 mod material;
 mod motion;
 mod source;
 
+pub use implicit::{CoarseSolve, Implicit, Method, Smoother};
 pub use material::{DruckerPrager, Elastic, Elasticity, Fluid, Material, Nacc, Snow, VonMises};
 pub use motion::{Collider, Grip, Keyframe, Motion};
 pub use source::Source;
@@ -329,6 +331,8 @@ pub struct Solver {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_dt: Option<f64>,
     pub precision: Precision,
+    /// Of the implicit integrator.
+    pub implicit: Implicit,
 }
 
 impl Default for Solver {
@@ -340,6 +344,7 @@ impl Default for Solver {
             cfl: 0.5,
             max_dt: None,
             precision: Precision::F32,
+            implicit: Implicit::default(),
         }
     }
 }
@@ -347,8 +352,10 @@ impl Default for Solver {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Integrator {
+    /// Explicit or implicit, whichever is predicted to be faster.
     Auto,
     Explicit,
+    Implicit,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]

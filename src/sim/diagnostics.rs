@@ -272,7 +272,7 @@ pub fn determinant(f: &[f64; 9]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::schema::{Elastic, Kernel, Material, Precision};
+    use crate::scene::schema::{Elastic, Implicit, Integrator, Kernel, Material, Precision};
     use crate::sim::particles::IDENTITY;
     use crate::sim::problem::{Axis, Body};
 
@@ -308,6 +308,8 @@ mod tests {
             precision: Precision::F64,
             cfl: 0.5,
             max_dt_s: None,
+            integrator: Integrator::Explicit,
+            implicit: Implicit::default(),
             frames: 1,
             frame_s: 0.1,
             fields: vec![],
@@ -322,7 +324,7 @@ mod tests {
             &problem.particles,
             3,
             0.3,
-            &FrameStats { steps: 4, dt_s: 0.025, isolated_reset: 1, reactions: vec![] },
+            &FrameStats { steps: 4, dt_s: 0.025, isolated_reset: 1, reactions: vec![], solves: vec![] },
         )
     }
 

@@ -6,7 +6,7 @@ use super::collider::Collider;
 use super::particles::{IDENTITY, Particles};
 use super::source::Source;
 use crate::material::initial_plastic_state;
-pub use crate::scene::schema::{ContactKind, Field, Kernel, Material, Precision, Transfer};
+pub use crate::scene::schema::{ContactKind, Field, Implicit, Integrator, Kernel, Material, Precision, Transfer};
 
 /// What a surface does to the material that meets it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,6 +62,9 @@ pub struct Problem {
     /// A particle may move at most this share of dx in a step.
     pub cfl: f64,
     pub max_dt_s: Option<f64>,
+    /// Explicit or implicit; what `auto` stands for has been decided.
+    pub integrator: Integrator,
+    pub implicit: Implicit,
     /// Frames after frame 0.
     pub frames: u32,
     /// Simulated time between frames (s).

@@ -2,7 +2,9 @@
 
 use gridfall::cpu::CpuEngine;
 use gridfall::engine::{Engine, NoControl};
-use gridfall::scene::schema::{ContactKind, Elastic, Fluid, Kernel, Material, Precision, Transfer};
+use gridfall::scene::schema::{
+    ContactKind, Elastic, Fluid, Implicit, Integrator, Kernel, Material, Precision, Transfer,
+};
 use gridfall::sim::linalg::{Matrix, apply, mul_transpose};
 use gridfall::sim::moments::moment_matrix;
 use gridfall::sim::particles::{IDENTITY, Particles};
@@ -52,6 +54,8 @@ pub fn empty(dimension: usize, cells: Vec3, dx: f64) -> Problem {
         precision: Precision::F64,
         cfl: 0.5,
         max_dt_s: None,
+        integrator: Integrator::Explicit,
+        implicit: Implicit::default(),
         frames: 1,
         frame_s: 1.0 / 48.0,
         fields: Vec::new(),

@@ -9,7 +9,7 @@ use gridfall::run::{FrameReport, Observer, Outputs, run};
 use gridfall::scene::schema::Scene;
 use gridfall::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, SdfOp};
 use gridfall::sim::particles::{IDENTITY, Particles};
-use gridfall::sim::problem::{Axis, Body, Contact, ContactKind, Field, Problem};
+use gridfall::sim::problem::{Axis, Body, Contact, ContactKind, Field, Implicit, Integrator, Problem};
 use gridfall::sim::reaction::Reaction;
 use serde_json::{Value, json};
 
@@ -63,7 +63,13 @@ impl Engine for Ballistic {
         let reactions =
             (0..11).map(|n| Reaction { force: [self.frame as f64, 0.5 * f64::from(n), 0.0], torque: [-1.0; 3] });
         let reactions = reactions.collect();
-        Ok(FrameStats { steps: STEPS, dt_s: frame_s / STEPS as f64, isolated_reset: self.frame % 2, reactions })
+        Ok(FrameStats {
+            steps: STEPS,
+            dt_s: frame_s / STEPS as f64,
+            isolated_reset: self.frame % 2,
+            reactions,
+            solves: Vec::new(),
+        })
     }
 
     fn append(&mut self, particles: &Particles) -> Result<(), EngineError> {
@@ -189,6 +195,8 @@ pub fn problem(spacing: f64) -> Problem {
         precision: scene.solver.precision,
         cfl: 0.5,
         max_dt_s: None,
+        integrator: Integrator::Explicit,
+        implicit: Implicit::default(),
         frames: 5,
         frame_s: 0.05,
         fields: vec![Field::Velocity, Field::J, Field::VonMises, Field::Pressure],

@@ -1,0 +1,62 @@
+//! What a solver of the step's minimisation sees of it.
+
+use super::sparse::Bsr;
+use crate::sim::linalg::{Matrix, Vector};
+
+/// A vector per node of the system.
+pub type Field<const D: usize> = Vec<Vector<f64, D>>;
+
+/// Where a node lies: grid 0, or 1 of the compact kernel's dual pair, and its index there. Periodic indices are wrapped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct NodeId<const D: usize> {
+    pub grid: u8,
+    pub index: [i32; D],
+}
+
+/// The step's minimisation problem over the velocity increments Δv of its nodes (m/s).
+///
+/// Nodes whose velocity is prescribed are no part of the system. A node that may only slide has a `normal`: its Δv keeps the normal
+/// component that it starts with, and gradients and Hessians are projected by S = I − n nᵀ.
+pub trait Objective<const D: usize>: Sync {
+    /// The nodes of the system; their order is the order of all fields.
+    fn nodes(&self) -> &[NodeId<D>];
+
+    /// Unit normal of the nodes that only slide.
+    fn normals(&self) -> &[Option<Vector<f64, D>>];
+
+    /// Cells of each grid along periodic axes.
+    fn period(&self) -> [Option<i32>; D];
+
+    /// Masses of the nodes (kg).
+    fn masses(&self) -> &[f64];
+
+    /// Characteristic scale of each node's residual, tol_i / ε = 24 dx² dt ξ_i (kg m/s) (HOT eq. 9).
+    fn scales(&self) -> &[f64];
+
+    /// Where the minimisation starts: g dt on free nodes.
+    fn start(&self) -> Field<D>;
+
+    /// E (J); infinite where a material forbids the state.
+    fn energy(&self, dv: &Field<D>) -> f64;
+
+    /// E, and ∇E = −r (kg m/s), projected.
+    fn energy_and_gradient(&self, dv: &Field<D>, gradient: &mut Field<D>) -> f64;
+
+    /// The projected, positive definite Hessian at Δv (kg). Of a sliding node S H S, with trace(H_ii)/D · n nᵀ added to its diagonal block.
+    fn hessian(&self, dv: &Field<D>) -> Bsr<f64, D>;
+
+    /// The same Hessian as a product without a matrix.
+    fn linearised<'a>(&'a self, dv: &Field<D>) -> Box<dyn LinearOperator<D> + 'a>;
+
+    /// The Hessian on the grids coarsened `level` times, from the quadrature of the same particles with kernels of width 2^level dx, and the
+    /// nodes there (geometric multigrid, HOT §7.3).
+    fn coarse_hessian(&self, dv: &Field<D>, level: u32) -> (Vec<NodeId<D>>, Bsr<f64, D>);
+}
+
+/// y = A x, symmetric.
+pub trait LinearOperator<const D: usize>: Sync {
+    fn apply(&self, x: &Field<D>, y: &mut Field<D>);
+
+    /// Diagonal blocks of A.
+    fn diagonal(&self) -> Vec<Matrix<f64, D>>;
+}
