@@ -13,16 +13,42 @@ pub struct NodeId<const D: usize> {
     pub index: [i32; D],
 }
 
+/// How a node of the system may move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Freedom<const D: usize> {
+    Free,
+    /// Along the surface with this unit normal: S = I − n nᵀ.
+    Plane(Vector<f64, D>),
+    /// Along this unit vector, where two surfaces meet: S = t tᵀ.
+    Line(Vector<f64, D>),
+}
+
+impl<const D: usize> Freedom<D> {
+    /// The projection S onto the directions in which the node may move; none if it is free.
+    pub fn projection(&self) -> Option<Matrix<f64, D>> {
+        let outer = |u: &Vector<f64, D>| u.map(|a| u.map(|b| a * b));
+        match self {
+            Self::Free => None,
+            Self::Line(t) => Some(outer(t)),
+            Self::Plane(n) => {
+                let mut s = outer(n).map(|row| row.map(|x| -x));
+                (0..D).for_each(|a| s[a][a] += 1.0);
+                Some(s)
+            }
+        }
+    }
+}
+
 /// The step's minimisation problem over the velocity increments Δv of its nodes (m/s).
 ///
-/// Nodes whose velocity is prescribed are no part of the system. A node that may only slide has a `normal`: its Δv keeps the normal
-/// component that it starts with, and gradients and Hessians are projected by S = I − n nᵀ.
+/// Nodes whose velocity is prescribed are no part of the system. A node that may only slide keeps the other components of Δv that it
+/// starts with, and gradients and Hessians are projected by its S, see [`Freedom`].
 pub trait Objective<const D: usize>: Sync {
     /// The nodes of the system; their order is the order of all fields.
     fn nodes(&self) -> &[NodeId<D>];
 
-    /// Unit normal of the nodes that only slide.
-    fn normals(&self) -> &[Option<Vector<f64, D>>];
+    /// How each node may move.
+    fn freedoms(&self) -> &[Freedom<D>];
 
     /// Cells of each grid along periodic axes.
     fn period(&self) -> [Option<i32>; D];
@@ -42,7 +68,7 @@ pub trait Objective<const D: usize>: Sync {
     /// E, and ∇E = −r (kg m/s), projected.
     fn energy_and_gradient(&self, dv: &Field<D>, gradient: &mut Field<D>) -> f64;
 
-    /// The projected, positive definite Hessian at Δv (kg). Of a sliding node S H S, with trace(H_ii)/D · n nᵀ added to its diagonal block.
+    /// The projected, positive definite Hessian at Δv (kg). Of a sliding node S H S, with trace(H_ii)/D · (I − S) added to its diagonal block.
     fn hessian(&self, dv: &Field<D>) -> Bsr<f64, D>;
 
     /// The same Hessian as a product without a matrix.
