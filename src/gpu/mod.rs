@@ -7,6 +7,7 @@
 mod buffers;
 mod device;
 mod engine;
+pub mod implicit;
 #[cfg(test)]
 mod law_tests;
 pub mod layout;
