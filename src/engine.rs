@@ -20,6 +20,27 @@ pub struct Backend {
     pub reason: String,
 }
 
+impl Backend {
+    /// The processor of this machine, chosen for `reason`.
+    pub fn this_cpu(reason: &str) -> Self {
+        Self {
+            kind: "cpu".into(),
+            device: format!("{} ({} threads)", processor(), rayon::current_num_threads()),
+            driver: String::new(),
+            software: false,
+            reason: reason.into(),
+        }
+    }
+}
+
+/// The processor's name as the system knows it.
+fn processor() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name =
+        info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':').map(|(_, name)| name.trim()));
+    name.unwrap_or(std::env::consts::ARCH).to_string()
+}
+
 /// What happened in one frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameStats {

@@ -29,16 +29,9 @@ impl CpuEngine {
         if let Some(cells) = problem.cells.iter().find(|&&cells| cells > 1 << 22) {
             return Err(EngineError::Capacity(format!("{cells} cells along an axis; this engine counts to 2^22")));
         }
-        let backend = Backend {
-            kind: "cpu".into(),
-            device: format!("{} ({} threads)", processor(), rayon::current_num_threads()),
-            driver: String::new(),
-            software: false,
-            reason: "the CPU engine runs every scene".into(),
-        };
         let without = Problem { particles: Particles::default(), ..problem.clone() };
         Ok(Self {
-            backend,
+            backend: Backend::this_cpu("the CPU engine runs every scene"),
             problem: without,
             stages: stages(problem),
             particles: problem.particles.len(),
@@ -162,12 +155,4 @@ impl Engine for CpuEngine {
     fn snapshot(&mut self) -> Result<Particles, EngineError> {
         Ok(self.stages.particles())
     }
-}
-
-/// The processor's name as the system knows it.
-fn processor() -> String {
-    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let name =
-        info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':').map(|(_, name)| name.trim()));
-    name.unwrap_or(std::env::consts::ARCH).to_string()
 }

@@ -3,11 +3,11 @@
 //! In: trial states of a chunk's particles, after F's update. Out: states on or inside the yield surface, and τ there. One thread a block.
 
 use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, matrix, set_matrix};
-use super::widest::widest;
 use crate::material::Law;
 use crate::sim::linalg::det;
 use crate::sim::real::Real;
 use crate::sim::svd::{Svd, svd};
+use crate::sim::widest::widest;
 
 /// F = U Σ Vᵀ of a chunk's particles; the order of the singular values means nothing here.
 struct Spectra<T, const D: usize> {

@@ -7,12 +7,12 @@
 use super::chunk::{Chunk, LANES, MatrixLanes, Stencils, matrix, set_matrix};
 use super::solver::Setup;
 use super::tile::{BLOCK, Node, SLACK, Walk, add_scaled, index, scale};
-use super::widest::widest;
 use crate::material::Law;
 use crate::sim::kernel::Kernel;
 use crate::sim::linalg::{add_scaled as add_scaled_matrix, mul, trace};
 use crate::sim::real::Real;
 use crate::sim::timestep::MAX_GROWTH;
+use crate::sim::widest::widest;
 
 /// What the particles of a block did.
 #[derive(Clone, Copy, Debug, Default)]

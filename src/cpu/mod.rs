@@ -15,7 +15,6 @@ mod solver;
 mod stages;
 mod tables;
 mod tile;
-mod widest;
 
 pub use engine::CpuEngine;
 pub use grid_update::NodeState;

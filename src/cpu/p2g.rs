@@ -6,12 +6,12 @@
 use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, Stencils, matrix, set_matrix};
 use super::solver::Setup;
 use super::tile::{MASS, Node, Walk, add_scaled, index, scale};
-use super::widest::widest;
 use crate::material::Law;
 use crate::sim::kernel::Kernel;
 use crate::sim::linalg::{Matrix, scaled_identity};
 use crate::sim::real::Real;
 use crate::sim::svd::{NEWTON_STEPS, is_regular, newton_step, polar_by_svd};
+use crate::sim::widest::widest;
 
 widest! {
     /// Adds a chunk's particles, whose stresses are `tau`, to its block's tile.

@@ -14,3 +14,4 @@ pub mod real;
 pub mod source;
 pub mod svd;
 pub mod timestep;
+pub(crate) mod widest;

@@ -26,7 +26,10 @@ use serde::Serialize;
 use super::problem::{Body, Kernel, Material, Problem, Transfer};
 use crate::material;
 
-pub use plan::{Extremes, MAX_GROWTH, REPLAN, REPLAN_DEMAND, SHRINK, StepPlan, initial_extremes, limits, plan_frame};
+pub use plan::{
+    Extremes, MAX_GROWTH, REPLAN, REPLAN_DEMAND, SHRINK, StepPlan, initial_extremes, limits, max_collider_speed_m_s,
+    plan_frame,
+};
 
 /// Share of the elastic and viscous bounds that is used: they are sharp, and hold for small strain.
 pub const SAFETY: f64 = 0.9;

@@ -143,7 +143,7 @@ fn initial_affine_rate_1_s(problem: &Problem) -> f64 {
 }
 
 /// Fastest point of any collider inside the domain at any time of the run (m/s), from above.
-fn max_collider_speed_m_s(problem: &Problem) -> f64 {
+pub fn max_collider_speed_m_s(problem: &Problem) -> f64 {
     let upper: [f64; 3] = std::array::from_fn(|a| problem.origin[a] + problem.cells[a] as f64 * problem.dx);
     let speed = |collider: &Collider| {
         let motion = &collider.motion;
