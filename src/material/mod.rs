@@ -4,23 +4,27 @@
 //! return map, and at most one scalar of plastic state. The functions of this module evaluate any [`Material`] in f64 for
 //! diagnostics and pictures.
 
+mod derivatives;
 mod drucker_prager;
 mod fixed_corotated;
 mod nacc;
 mod neo_hookean;
 mod principal;
 mod snow;
+mod stiffness;
 mod stretch;
 mod stvk_hencky;
 mod von_mises;
 mod weakly_compressible_fluid;
 
+pub use derivatives::{Derivatives, EXTENSION};
 pub use drucker_prager::DruckerPrager;
 pub use fixed_corotated::FixedCorotated;
 pub use nacc::Nacc;
 pub use neo_hookean::NeoHookean;
 pub use principal::Flow;
 pub use snow::Snow;
+pub use stiffness::{Projected, Tensor4};
 pub use stvk_hencky::StvkHencky;
 pub use von_mises::VonMises;
 pub use weakly_compressible_fluid::WeaklyCompressibleFluid;
@@ -117,7 +121,13 @@ impl<T: Real> Law<T> {
 
     /// λ + 2μ (Pa).
     pub fn stiffness_at_rest(&self) -> T {
-        let (mu, lambda) = match self {
+        let (mu, lambda) = self.moduli();
+        lambda + T::TWO * mu
+    }
+
+    /// (μ, λ) at rest (Pa).
+    fn moduli(&self) -> (T, T) {
+        match self {
             Self::FixedCorotated(law) => (law.mu, law.lambda),
             Self::NeoHookean(law) => (law.mu, law.lambda),
             Self::StvkHencky(law) => (law.mu, law.lambda),
@@ -126,8 +136,7 @@ impl<T: Real> Law<T> {
             Self::Nacc(law) => (law.mu, law.lambda),
             Self::VonMises(law) => (law.hencky.mu, law.hencky.lambda),
             Self::Snow(law) => (law.elastic.mu, law.elastic.lambda),
-        };
-        lambda + T::TWO * mu
+        }
     }
 
     /// Return map and stress at singular values of F, for laws in principal space; none for the others.
@@ -193,6 +202,8 @@ pub fn cauchy(material: &Material, dimension: usize, f: &[f64; 9], plastic: f64)
     kirchhoff(material, dimension, f, plastic).map(|tau| tau / j)
 }
 
+#[cfg(test)]
+mod derivative_tests;
 #[cfg(test)]
 mod plastic_tests;
 #[cfg(test)]

@@ -12,7 +12,7 @@
 use super::lame;
 use super::principal::{Principal, mean_and_deviator, norm, product};
 use crate::scene::schema;
-use crate::sim::linalg::Vector;
+use crate::sim::linalg::{Matrix, Vector};
 use crate::sim::real::Real;
 
 /// Plastic state: α = ln J_plastic.
@@ -63,6 +63,22 @@ impl<T: Real> Nacc<T> {
         (self.ellipse(p, q, self.strength(alpha)), p, q)
     }
 
+    /// ∂τ_i/∂ε_j, ε = ln σ (Pa): of the deviator μ (2 δ_ij b_i − (2/d) (b_i + b_j) + (2/d²) tr b), b isochoric; of the volume κ J².
+    pub(super) fn tangent<const D: usize>(&self, sigma: &Vector<T, D>) -> Matrix<T, D> {
+        let j = product(sigma);
+        let b = Self::isochoric(sigma, j);
+        let d = T::from_i32(D as i32);
+        let mean = b.iter().copied().sum::<T>() / d;
+        let mut tangent = [[T::ZERO; D]; D];
+        for i in 0..D {
+            for k in 0..D {
+                tangent[i][k] = T::TWO * self.mu / d * (mean - b[i] - b[k]) + self.kappa(D) * j * j;
+            }
+            tangent[i][i] += T::TWO * self.mu * b[i];
+        }
+        tangent
+    }
+
     fn q_factor<const D: usize>() -> T {
         T::from_f64((0.5 * (6 - D) as f64).sqrt())
     }
@@ -106,10 +122,12 @@ fn isochoric_mean<T: Real, const D: usize>(deviator: &Vector<T, D>, start: T) ->
 
 impl<T: Real> Principal<T> for Nacc<T> {
     fn energy<const D: usize>(&self, sigma: &Vector<T, D>, _alpha: T) -> T {
-        let j = product(sigma);
-        let trace = Self::isochoric(sigma, j).iter().copied().sum::<T>();
-        let volume = T::HALF * (j * j - T::ONE) - j.ln();
-        T::HALF * self.mu * (trace - T::from_i32(D as i32)) + T::HALF * self.kappa(D) * volume
+        // In e = dev ln σ and ln J, whose sums e^2x − 1 − 2x keep the digits that tr b − d and J² − 1 − 2 ln J lose near rest.
+        let excess = |x: T| (T::TWO * x).exp_m1() - T::TWO * x;
+        let (mean, deviator) = mean_and_deviator(&sigma.map(T::ln));
+        let isochoric = deviator.iter().map(|&e| excess(e)).sum::<T>();
+        let volume = excess(mean * T::from_i32(D as i32));
+        T::HALF * self.mu * isochoric + T::HALF * T::HALF * self.kappa(D) * volume
     }
 
     fn kirchhoff<const D: usize>(&self, sigma: &Vector<T, D>, _alpha: T) -> Vector<T, D> {

@@ -30,7 +30,7 @@ impl<T: Real> Snow<T> {
     }
 
     /// The elastic law at a plastic volume ratio.
-    fn hardened(&self, plastic: T) -> FixedCorotated<T> {
+    pub(super) fn hardened(&self, plastic: T) -> FixedCorotated<T> {
         let factor = (self.hardening * (T::ONE - plastic)).exp();
         FixedCorotated { mu: factor * self.elastic.mu, lambda: factor * self.elastic.lambda }
     }

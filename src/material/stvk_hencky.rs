@@ -5,7 +5,7 @@
 use super::lame;
 use super::principal::Principal;
 use crate::scene::schema::Elastic;
-use crate::sim::linalg::Vector;
+use crate::sim::linalg::{Matrix, Vector};
 use crate::sim::real::Real;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,6 +19,15 @@ impl<T: Real> StvkHencky<T> {
     pub fn new(elastic: &Elastic) -> Self {
         let (mu, lambda) = lame(elastic);
         Self { mu: T::from_f64(mu), lambda: T::from_f64(lambda) }
+    }
+
+    /// ∂τ_i/∂ε_j = 2μ δ_ij + λ (Pa).
+    pub(super) fn tangent<const D: usize>(&self) -> Matrix<T, D> {
+        let mut tangent = [[self.lambda; D]; D];
+        for i in 0..D {
+            tangent[i][i] += T::TWO * self.mu;
+        }
+        tangent
     }
 }
 

@@ -29,7 +29,7 @@ impl<T: Real> VonMises<T> {
         Self { hencky: StvkHencky::new(elastic), elasticity: material.elasticity, radius }
     }
 
-    fn fixed_corotated(&self) -> FixedCorotated<T> {
+    pub(super) fn fixed_corotated(&self) -> FixedCorotated<T> {
         FixedCorotated { mu: self.hencky.mu, lambda: self.hencky.lambda }
     }
 }

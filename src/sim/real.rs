@@ -50,6 +50,7 @@ pub trait Real:
     fn copysign(self, sign: Self) -> Self;
     fn is_finite(self) -> bool;
     fn ln(self) -> Self;
+    fn ln_1p(self) -> Self;
     fn exp(self) -> Self;
     fn exp_m1(self) -> Self;
     fn powf(self, exponent: Self) -> Self;
@@ -115,6 +116,10 @@ macro_rules! real {
             #[inline(always)]
             fn ln(self) -> Self {
                 $t::ln(self)
+            }
+            #[inline(always)]
+            fn ln_1p(self) -> Self {
+                $t::ln_1p(self)
             }
             #[inline(always)]
             fn exp(self) -> Self {
