@@ -3,5 +3,17 @@
 //!
 //! No GPU here: `gpu::implicit` has the same stages by the same names.
 
+pub mod assembly;
+pub mod boundary;
+pub mod discretisation;
 pub mod objective;
+pub mod potential;
 pub mod sparse;
+pub mod state;
+pub mod stencil;
+pub mod step;
+pub mod topology;
+pub mod transfer;
+
+#[cfg(test)]
+mod tests;

@@ -53,6 +53,11 @@ pub trait Objective<const D: usize>: Sync {
     /// Cells of each grid along periodic axes.
     fn period(&self) -> [Option<i32>; D];
 
+    /// True once the work shall stop; a solver then returns what it has.
+    fn canceled(&self) -> bool {
+        false
+    }
+
     /// Masses of the nodes (kg).
     fn masses(&self) -> &[f64];
 
