@@ -47,10 +47,31 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 ";
 
-struct State {
-    material: usize,
-    f: Matrix<f64, 3>,
-    plastic: f64,
+pub(super) struct State {
+    pub material: usize,
+    pub f: Matrix<f64, 3>,
+    pub plastic: f64,
+}
+
+/// The channels of a state that an entry point wrote.
+pub(super) struct Written {
+    states: usize,
+    /// Those of `deformation_out`, `frame_velocity` and `frame_deformation`.
+    pub deformation: Vec<f32>,
+    pub velocity: Vec<f32>,
+    pub frame_deformation: Vec<f32>,
+}
+
+impl Written {
+    /// Channel k of a state.
+    pub fn scalar(&self, values: &[f32], k: usize, state: usize) -> f64 {
+        f64::from(values[k * self.states + state])
+    }
+
+    /// A matrix by columns from channel `first` on.
+    pub fn matrix(&self, values: &[f32], first: usize, state: usize) -> Matrix<f64, 3> {
+        std::array::from_fn(|r| std::array::from_fn(|c| self.scalar(values, first + 3 * c + r, state)))
+    }
 }
 
 /// What the shaders made of a state.
@@ -64,7 +85,8 @@ struct Answer {
     determinants: f64,
 }
 
-fn ask(gpu: &Gpu, materials: &[Material], states: &[State]) -> Vec<Answer> {
+/// Runs an entry point, one thread a state, with the laws' shaders before it.
+pub(super) fn run(gpu: &Gpu, materials: &[Material], states: &[State], entry: &str) -> Written {
     let n = states.len();
     let (channels, one) = (10, 1);
     let sizes = Sizes {
@@ -99,7 +121,7 @@ fn ask(gpu: &Gpu, materials: &[Material], states: &[State]) -> Vec<Answer> {
     gpu.queue.write_buffer(buffers.get(binding::BODY_OF), 0, bytemuck::cast_slice(&body_of));
     gpu.queue.write_buffer(buffers.get(binding::DEFORMATION), 0, bytemuck::cast_slice(&deformation));
 
-    let text = source(Stage::P2g, Kernel::Compact).replace(Stage::P2g.entry(), ENTRY);
+    let text = source(Stage::P2g, Kernel::Compact).replace(Stage::P2g.entry(), entry);
     let pipeline = gpu.compile("laws", &text, &[Some(&gpu.layout)], &[]);
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     {
@@ -111,37 +133,39 @@ fn ask(gpu: &Gpu, materials: &[Material], states: &[State]) -> Vec<Answer> {
     gpu.queue.submit([encoder.finish()]);
     gpu.check().unwrap();
     let read = |b: usize, channels: usize| -> Vec<f32> { readback::read(gpu, buffers.get(b), channels * n).unwrap() };
-    let (after, velocity) = (read(binding::DEFORMATION + 1, channels), read(binding::FRAME_VELOCITY, 12));
-    let again = read(binding::FRAME_DEFORMATION, channels);
-    let matrix = |values: &[f32], i: usize| -> Matrix<f64, 3> {
-        std::array::from_fn(|r| std::array::from_fn(|c| f64::from(values[(3 * c + r) * n + i])))
-    };
-    let answer = |i: usize| {
-        let channel = |k: usize| f64::from(velocity[k * n + i]);
-        Answer {
-            f: matrix(&after, i),
-            plastic: f64::from(after[9 * n + i]),
-            tau: matrix(&velocity, i),
-            stiffening: channel(9),
-            reconstructed: matrix(&again, i),
-            off_orthogonality: channel(10),
-            determinants: channel(11),
-        }
-    };
-    (0..n).map(answer).collect()
+    Written {
+        states: n,
+        deformation: read(binding::DEFORMATION + 1, channels),
+        velocity: read(binding::FRAME_VELOCITY, 12),
+        frame_deformation: read(binding::FRAME_DEFORMATION, channels),
+    }
 }
 
-fn gpu() -> Gpu {
+fn ask(gpu: &Gpu, materials: &[Material], states: &[State]) -> Vec<Answer> {
+    let w = run(gpu, materials, states, ENTRY);
+    let answer = |i: usize| Answer {
+        f: w.matrix(&w.deformation, 0, i),
+        plastic: w.scalar(&w.deformation, 9, i),
+        tau: w.matrix(&w.velocity, 0, i),
+        stiffening: w.scalar(&w.velocity, 9, i),
+        reconstructed: w.matrix(&w.frame_deformation, 0, i),
+        off_orthogonality: w.scalar(&w.velocity, 10, i),
+        determinants: w.scalar(&w.velocity, 11, i),
+    };
+    (0..states.len()).map(answer).collect()
+}
+
+pub(super) fn gpu() -> Gpu {
     let name = std::env::var("GRIDFALL_TEST_ADAPTER").unwrap_or_else(|_| "llvmpipe".into());
     Gpu::open(Some(&name)).unwrap_or_else(|e| panic!("GPU tests need a Vulkan driver (see tests/run): {e}"))
 }
 
-fn random_matrix(rng: &mut StdRng, size: f64) -> Matrix<f64, 3> {
+pub(super) fn random_matrix(rng: &mut StdRng, size: f64) -> Matrix<f64, 3> {
     std::array::from_fn(|_| std::array::from_fn(|_| rng.random_range(-size..size)))
 }
 
 /// Rotations about stretches, some of them beyond every yield surface.
-fn random_states(rng: &mut StdRng, materials: &[Material], each: usize) -> Vec<State> {
+pub(super) fn random_states(rng: &mut StdRng, materials: &[Material], each: usize) -> Vec<State> {
     let mut states = Vec::new();
     for (index, material) in materials.iter().enumerate() {
         for _ in 0..each {
@@ -166,7 +190,7 @@ fn random_states(rng: &mut StdRng, materials: &[Material], each: usize) -> Vec<S
     states
 }
 
-fn distance(a: &Matrix<f64, 3>, b: &Matrix<f64, 3>) -> f64 {
+pub(super) fn distance(a: &Matrix<f64, 3>, b: &Matrix<f64, 3>) -> f64 {
     a.iter().flatten().zip(b.iter().flatten()).fold(0.0, |m, (x, y)| {
         let d = (x - y).abs();
         if d > m || d.is_nan() { d } else { m }

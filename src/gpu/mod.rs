@@ -5,6 +5,8 @@
 //! `engine` runs frames and answers for overflow, re-planning and errors, `readback` brings states home.
 
 mod buffers;
+#[cfg(test)]
+mod derivative_tests;
 mod device;
 mod engine;
 pub mod implicit;

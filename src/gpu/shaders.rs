@@ -107,6 +107,9 @@ const TRANSFER: [&str; 14] = [
     wgsl!("shared/advance.wgsl"),
 ];
 
+/// Energy, stress and projected stiffness of the laws for the implicit step, after the shared files of a transfer.
+pub const DERIVATIVES: &str = wgsl!("implicit/derivatives.wgsl");
+
 /// The complete source of a stage for a kernel; only compact and quadratic have shaders.
 pub fn source(stage: Stage, kernel: Kernel) -> String {
     let mut parts = vec![wgsl!("shared/layout.wgsl")];

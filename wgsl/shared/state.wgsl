@@ -28,7 +28,7 @@ fn has_plastic_state(model: u32) -> bool {
 }
 
 /// Singular values and plastic state in a return map.
-struct Projected { sigma: vec3<f32>, q: f32, moved: bool }
+struct Returned { sigma: vec3<f32>, q: f32, moved: bool }
 
 /// What stress in principal space needs of F: filled by `deform` or `decompose` for laws in principal space.
 struct Principal { u: mat3x3<f32>, sigma: vec3<f32> }
@@ -39,7 +39,7 @@ fn diagonal_times(u: mat3x3<f32>, d: vec3<f32>, v: mat3x3<f32>) -> mat3x3<f32> {
     return mat3x3<f32>(u[0] * d.x, u[1] * d.y, u[2] * d.z) * transpose(v);
 }
 
-fn flow(trial: Projected, m: Material) -> Projected {
+fn flow(trial: Returned, m: Material) -> Returned {
     switch (m.model) {
         case VON_MISES_HENCKY, VON_MISES_FIXED_COROTATED: { return von_mises_return(trial, m); }
         case DRUCKER_PRAGER: { return drucker_prager_return(trial, m); }
@@ -60,7 +60,7 @@ fn deform(state: Deformation, m: Material, growth: mat3x3<f32>, principal: ptr<f
     if (is_principal(m.model)) {
         let s = svd3(next.F);
         let trial = clamp(s.sigma, vec3<f32>(MIN_STRETCH), vec3<f32>(MAX_STRETCH));
-        let projected = flow(Projected(trial, state.q, any(trial != s.sigma) && m.model != STVK_HENCKY), m);
+        let projected = flow(Returned(trial, state.q, any(trial != s.sigma) && m.model != STVK_HENCKY), m);
         if (projected.moved) {
             next.F = diagonal_times(s.u, projected.sigma, s.v);
             next.q = projected.q;

@@ -1,7 +1,7 @@
 // Drucker–Prager sand with volume correction (Klár 2016; Tampubolon 2017). Twin: src/material/drucker_prager.rs. q: v_c, the volume
 // (as a logarithm) that the grains must lose before they touch again. Stress: stvk_hencky.
 
-fn drucker_prager_return(trial: Projected, m: Material) -> Projected {
+fn drucker_prager_return(trial: Returned, m: Material) -> Returned {
     var out = trial;
     let strain = ln_stretch(trial.sigma);
     let mean = (sum3(strain) + trial.q) / 3.0;

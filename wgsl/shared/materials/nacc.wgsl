@@ -32,7 +32,7 @@ fn nacc_stiffness(sigma: vec3<f32>, m: Material) -> f32 {
     return max(worst.x, max(worst.y, worst.z));
 }
 
-fn nacc_to_tip(trial: Projected, J: f32, p: f32) -> Projected {
+fn nacc_to_tip(trial: Returned, J: f32, p: f32) -> Returned {
     let J_tip = sqrt(max(1.0 - 2.0 * p, 0.0));
     var out = trial;
     out.sigma = vec3<f32>(exp(ln_near_one(J_tip) / 3.0));
@@ -41,7 +41,7 @@ fn nacc_to_tip(trial: Projected, J: f32, p: f32) -> Projected {
     return out;
 }
 
-fn nacc_return(trial: Projected, m: Material) -> Projected {
+fn nacc_return(trial: Returned, m: Material) -> Returned {
     let J = trial.sigma.x * trial.sigma.y * trial.sigma.z;
     let b = nacc_isochoric(trial.sigma, J);
     let tr3 = sum3(b) / 3.0;

@@ -7,7 +7,7 @@ fn snow_hardening(m: Material, Jp: f32) -> f32 {
     return exp(m.e * (1.0 - Jp));
 }
 
-fn snow_return(trial: Projected, m: Material) -> Projected {
+fn snow_return(trial: Returned, m: Material) -> Returned {
     var out = trial;
     let clamped = clamp(trial.sigma, vec3<f32>(m.c), vec3<f32>(m.d));
     if (any(clamped != trial.sigma)) {

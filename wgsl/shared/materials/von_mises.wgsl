@@ -1,7 +1,7 @@
 // Von Mises, ‖dev τ‖ ≤ √(2/3) σ_Y. Twin: src/material/von_mises.rs. Hencky: the deviator of ε shrinks at equal volume.
 // Fixed corotated: 2 μ (σ - 1) σ takes the place of 2 μ ε, and is solved for its larger root.
 
-fn von_mises_return(trial: Projected, m: Material) -> Projected {
+fn von_mises_return(trial: Returned, m: Material) -> Returned {
     var out = trial;
     let hencky = m.model == VON_MISES_HENCKY;
     let shear = 2.0 * m.a * select((trial.sigma - 1.0) * trial.sigma, ln_stretch(trial.sigma), hencky);

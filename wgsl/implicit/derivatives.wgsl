@@ -1,0 +1,222 @@
+// Energy, P and the projected ∂P/∂F of the laws for the implicit step. Twins: src/material/derivatives.rs, src/material/stiffness.rs and the laws
+// beside them. Needs Material (shared/layout.wgsl), shared/state.wgsl, shared/polar.wgsl and shared/materials/*.
+//
+// F = U Σ Vᵀ; with dF' = Uᵀ dF V the derivative is A on the diagonal, and for each pair of axes [[x, y], [y, x]] on (dF'_ij, dF'_ji).
+// Energies are sums of small terms, never differences of large ones: a line search compares them.
+
+/// ψ(σ) (J/m³), ∂ψ/∂σ_i and ∂²ψ/∂σ_i∂σ_j (Pa).
+struct Derivatives { energy: f32, gradient: vec3<f32>, hessian: mat3x3<f32> }
+
+/// A; B[k] = (x, y) of the pair of axes other than k.
+struct Projected { U: mat3x3<f32>, V: mat3x3<f32>, A: mat3x3<f32>, B: array<vec2<f32>, 3> }
+
+/// Below it logarithmic strain is its tangent.
+const EXTENSION = 0.1;
+/// Relative difference of stretches below which a quotient of differences has fewer digits than a derivative: ε^(1/3).
+const NEAR = 5e-3;
+const LEAST_SUM = 1e-6;
+/// What a forbidden state costs (J/m³): sums of it are infinite or beyond any energy of a body.
+const FORBIDDEN = 3e38;
+
+/// e^x - 1 - x.
+fn exp_excess(x: vec3<f32>) -> vec3<f32> {
+    let tail = 1.0 / 120.0 + x * (1.0 / 720.0 + x * (1.0 / 5040.0 + x * (1.0 / 40320.0)));
+    let series = x * x * (0.5 + x * (1.0 / 6.0 + x * (1.0 / 24.0 + x * tail)));
+    return select(exp(x) - 1.0 - x, series, abs(x) < vec3<f32>(0.5));
+}
+
+/// x - ln(1 + x), as its series Σ (-x)^k/k from k = 2 through z = x/(2 + x): ln(1 + x) = 2 atanh z and x - 2z = x z.
+fn ln_excess(x: f32) -> f32 {
+    let z = x / (2.0 + x);
+    let z2 = z * z;
+    let series = x * z - 2.0 * z * z2 * (1.0 / 3.0 + z2 * (1.0 / 5.0 + z2 * (1.0 / 7.0 + z2 * (1.0 / 9.0))));
+    return select(x - log(1.0 + x), series, abs(x) < 0.3);
+}
+
+fn diagonal(d: vec3<f32>) -> mat3x3<f32> {
+    return mat3x3<f32>(d.x, 0.0, 0.0, 0.0, d.y, 0.0, 0.0, 0.0, d.z);
+}
+
+/// Column b, row a: a_i b_j.
+fn outer(a: vec3<f32>, b: vec3<f32>) -> mat3x3<f32> {
+    return mat3x3<f32>(a * b.x, a * b.y, a * b.z);
+}
+
+fn is_fixed_corotated(model: u32) -> bool {
+    return model == FIXED_COROTATED || model == VON_MISES_FIXED_COROTATED || model == SNOW;
+}
+
+/// (μ, λ), hardened.
+fn elastic_moduli(m: Material, plastic: f32) -> vec2<f32> {
+    return vec2<f32>(m.a, m.b) * select(1.0, snow_hardening(m, plastic), m.model == SNOW);
+}
+
+/// ψ = μ ‖F - R‖² + ½ λ (J - 1)², P = 2 μ (F - R) + λ (J - 1) cof F.
+fn fixed_corotated_energy_pk1(F: mat3x3<f32>, moduli: vec2<f32>, P: ptr<function, mat3x3<f32>>) -> f32 {
+    let cof = cofactor(F);
+    let strain = F - polar_rotation(F);
+    let dilation = dot(F[0], cof[0]) - 1.0;
+    *P = (2.0 * moduli.x) * strain + (moduli.y * dilation) * cof;
+    return moduli.x * norm2(strain) + 0.5 * moduli.y * dilation * dilation;
+}
+
+/// J² - 1 without tr 2E, for 2E = FᵀF - I.
+fn dilation_beyond_trace(e: mat3x3<f32>) -> f32 {
+    let trace = e[0].x + e[1].y + e[2].z;
+    return 0.5 * (trace * trace - norm2(e)) + determinant(e);
+}
+
+/// ψ = ½ μ (tr 2E - ln J²) + ⅛ λ ln² J², P = F⁻ᵀ (2 μ E + λ ln J I).
+fn neo_hookean_energy_pk1(F: mat3x3<f32>, moduli: vec2<f32>, P: ptr<function, mat3x3<f32>>) -> f32 {
+    let cof = cofactor(F);
+    let J = dot(F[0], cof[0]);
+    if (!(J > 1e-12)) {
+        *P = mat3x3<f32>();
+        return FORBIDDEN;
+    }
+    let e = transpose(F) * F - diagonal(vec3<f32>(1.0));
+    let trace = e[0].x + e[1].y + e[2].z;
+    let rest = dilation_beyond_trace(e);
+    let x = trace + rest;
+    var excess = ln_excess(x) - rest;
+    var ln_J2 = x - ln_excess(x);
+    if (abs(x) >= 0.3) {
+        ln_J2 = 2.0 * log(J);
+        excess = trace - ln_J2;
+    }
+    *P = (1.0 / J) * (cof * (moduli.x * e + diagonal(vec3<f32>(0.5 * moduli.y * ln_J2))));
+    return 0.5 * moduli.x * excess + 0.125 * moduli.y * ln_J2 * ln_J2;
+}
+
+/// Logarithmic strain, along its tangent below EXTENSION; `slope`: its derivative.
+fn extended_strain(sigma: vec3<f32>, slope: ptr<function, vec3<f32>>) -> vec3<f32> {
+    let kept = max(sigma, vec3<f32>(EXTENSION));
+    *slope = 1.0 / kept;
+    return ln_stretch(kept) + (sigma - kept) / EXTENSION;
+}
+
+/// In logarithmic strain: ψ; principal Kirchhoff stress τ, ∂ψ/∂ε.
+fn strain_energy(strain: vec3<f32>, m: Material, tau: ptr<function, vec3<f32>>) -> f32 {
+    let trace = sum3(strain);
+    if (m.model != NACC) {
+        *tau = 2.0 * m.a * strain + vec3<f32>(m.b * trace);
+        return m.a * dot(strain, strain) + 0.5 * m.b * trace * trace;
+    }
+    // J^(-2/3) b_i = e^2e, e the deviator.
+    let e = 2.0 * (strain - trace / 3.0);
+    let b = exp_excess(e);
+    let volume = exp_excess(vec3<f32>(2.0 * trace)).x;
+    let kappa = nacc_kappa(m);
+    *tau = m.a * (e + b - sum3(b) / 3.0) + vec3<f32>(0.5 * kappa * (2.0 * trace + volume));
+    return 0.5 * m.a * sum3(b) + 0.25 * kappa * volume;
+}
+
+/// ∂τ_i/∂ε_j.
+fn strain_tangent(strain: vec3<f32>, m: Material) -> mat3x3<f32> {
+    let one = vec3<f32>(1.0);
+    if (m.model != NACC) {
+        return diagonal(vec3<f32>(2.0 * m.a)) + outer(vec3<f32>(m.b), one);
+    }
+    let trace = sum3(strain);
+    let b = exp(2.0 * (strain - trace / 3.0));
+    let across = vec3<f32>(nacc_kappa(m) * exp(2.0 * trace) + (2.0 / 9.0) * m.a * sum3(b)) - (2.0 / 3.0) * m.a * b;
+    return diagonal(2.0 * m.a * b) + outer(across, one) - outer((2.0 / 3.0) * m.a * one, b);
+}
+
+/// ψ(F) (J/m³); P(F) (Pa). Within a step every law is elastic. Neo-Hookean at J ≤ 0: FORBIDDEN.
+fn elastic_energy_pk1(material: Material, F: mat3x3<f32>, plastic: f32, P: ptr<function, mat3x3<f32>>) -> f32 {
+    if (is_fixed_corotated(material.model)) {
+        return fixed_corotated_energy_pk1(F, elastic_moduli(material, plastic), P);
+    }
+    if (material.model == NEO_HOOKEAN) {
+        return neo_hookean_energy_pk1(F, vec2<f32>(material.a, material.b), P);
+    }
+    let s = svd3(F);
+    var slope: vec3<f32>;
+    var tau: vec3<f32>;
+    let energy = strain_energy(extended_strain(s.sigma, &slope), material, &tau);
+    *P = diagonal_times(s.u, tau * slope, s.v);
+    return energy;
+}
+
+fn principal_derivatives(material: Material, sigma: vec3<f32>, plastic: f32) -> Derivatives {
+    var out: Derivatives;
+    let moduli = elastic_moduli(material, plastic);
+    let others = sigma.yzx * sigma.zxy;
+    let J = sigma.x * others.x;
+    if (is_fixed_corotated(material.model)) {
+        let strain = sigma - 1.0;
+        let dilation = J - 1.0;
+        out.energy = moduli.x * dot(strain, strain) + 0.5 * moduli.y * dilation * dilation;
+        out.gradient = 2.0 * moduli.x * strain + moduli.y * dilation * others;
+        let c = moduli.y * dilation * sigma;
+        out.hessian = diagonal(vec3<f32>(2.0 * moduli.x)) + moduli.y * outer(others, others)
+            + mat3x3<f32>(0.0, c.z, c.y, c.z, 0.0, c.x, c.y, c.x, 0.0);
+        return out;
+    }
+    if (material.model == NEO_HOOKEAN) {
+        var P: mat3x3<f32>;
+        out.energy = neo_hookean_energy_pk1(diagonal(sigma), moduli, &P);
+        out.gradient = vec3<f32>(P[0].x, P[1].y, P[2].z);
+        let inverse = 1.0 / sigma;
+        out.hessian = diagonal(vec3<f32>(moduli.x) + (moduli.x - moduli.y * log(J)) * inverse * inverse)
+            + moduli.y * outer(inverse, inverse);
+        return out;
+    }
+    var slope: vec3<f32>;
+    var tau: vec3<f32>;
+    let strain = extended_strain(sigma, &slope);
+    out.energy = strain_energy(strain, material, &tau);
+    out.gradient = tau * slope;
+    let tangent = strain_tangent(strain, material);
+    let curvature = select(-slope * slope, vec3<f32>(0.0), sigma < vec3<f32>(EXTENSION));
+    out.hessian = diagonal(slope) * tangent * diagonal(slope) + diagonal(tau * curvature);
+    return out;
+}
+
+/// The nearest positive semidefinite matrix to a symmetric one (Higham 1988): itself, or ½ (A + (A²)^½).
+fn semidefinite(a: mat3x3<f32>) -> mat3x3<f32> {
+    let minor = a[0].x * a[1].y - a[0].y * a[0].y;
+    if (a[0].x > 0.0 && minor > 0.0 && determinant(a) > 0.0) {
+        return a;
+    }
+    let s = svd3(a);
+    return 0.5 * (a + diagonal_times(s.v, abs(s.sigma), s.v));
+}
+
+/// ∂P/∂F at F with its negative eigenvalues set to 0.
+fn projected_derivative(material: Material, F: mat3x3<f32>, plastic: f32) -> Projected {
+    let s = svd3(F);
+    let d = principal_derivatives(material, s.sigma, plastic);
+    var out: Projected;
+    out.U = s.u;
+    out.V = s.v;
+    out.A = semidefinite(d.hessian);
+    let h = d.hessian;
+    let near = vec3<f32>(0.5 * (h[1].y + h[2].z) - h[1].z, 0.5 * (h[2].z + h[0].x) - h[2].x, 0.5 * (h[0].x + h[1].y) - h[0].y);
+    let a = s.sigma.yzx;
+    let b = s.sigma.zxy;
+    let difference = a - b;
+    let is_near = abs(difference) <= NEAR * max(abs(a) + abs(b), vec3<f32>(EXTENSION));
+    let quotient = (d.gradient.yzx - d.gradient.zxy) / select(difference, vec3<f32>(1.0), is_near);
+    let shear = max(select(quotient, near, is_near), vec3<f32>(0.0));
+    let turn = max((d.gradient.yzx + d.gradient.zxy) / max(a + b, vec3<f32>(LEAST_SUM)), vec3<f32>(0.0));
+    for (var k = 0u; k < 3u; k++) {
+        out.B[k] = 0.5 * vec2<f32>(shear[k] + turn[k], shear[k] - turn[k]);
+    }
+    return out;
+}
+
+/// dP = ∂P/∂F : dF.
+fn projected_times(p: Projected, dF: mat3x3<f32>) -> mat3x3<f32> {
+    let d = transpose(p.U) * dF * p.V;
+    let axial = p.A * vec3<f32>(d[0].x, d[1].y, d[2].z);
+    let x = vec3<f32>(p.B[0].x, p.B[1].x, p.B[2].x);
+    let y = vec3<f32>(p.B[0].y, p.B[1].y, p.B[2].y);
+    // Entries (1, 2), (2, 0), (0, 1), and those across the diagonal.
+    let upper = vec3<f32>(d[2].y, d[0].z, d[1].x);
+    let lower = vec3<f32>(d[1].z, d[2].x, d[0].y);
+    let up = x * upper + y * lower;
+    let low = x * lower + y * upper;
+    return p.U * mat3x3<f32>(axial.x, low.z, up.y, up.z, axial.y, low.x, low.y, up.x, axial.z) * transpose(p.V);
+}
