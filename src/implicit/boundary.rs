@@ -1,11 +1,12 @@
 //! What surfaces do to the nodes of an implicit step, decided at its start.
 //!
 //! Sticky surfaces prescribe a node's velocity. Slip surfaces, and separating ones that the node would run into, prescribe its normal component:
-//! the node may slide. Friction follows the solve, from the normal impulse that the solve found. A surface's velocity at a node is the way that it goes in
+//! the node may slide. A surface's velocity at a node is the way that it goes in
 //! the step over dt, so that what sticks to a turning grip turns rigidly, however long the step.
 
 use rayon::prelude::*;
 
+use super::friction::Drag;
 use super::objective::{Freedom, NodeId};
 use super::topology::Topology;
 use super::transfer::Node;
@@ -89,48 +90,50 @@ impl<const D: usize> Boundary<D> {
         }
     }
 
-    /// Books the impulses of a solved step on the surfaces, and lets friction act. `impulses` (N s) are what constraints gave each node:
-    /// ∇E before projection; `velocities` (m/s) are the nodes' at the step's end. Friction takes up to μ times the normal impulse from
-    /// the tangential velocity, as in the explicit step.
-    pub fn settle(
-        &self,
-        problem: &Problem,
-        share: f64,
-        nodes: &[Node<D>],
-        impulses: &[Vector<f64, D>],
-        velocities: &mut [Vector<f64, D>],
-    ) -> Vec<Reaction> {
+    /// What friction does to nodes that a solve presses on surfaces with these `impulses` (N s), see [`Self::reactions`].
+    pub fn drags(&self, impulses: &[Vector<f64, D>]) -> Vec<Drag<D>> {
+        let rubbing =
+            self.touched.iter().flat_map(|(node, touches)| touches.iter().map(|touch| (*node as usize, touch)));
+        rubbing
+            .filter(|(node, touch)| touch.contact.friction > 0.0 && *node < self.freedoms.len())
+            .filter_map(|(node, touch)| {
+                let strength = touch.contact.friction * dot(&impulses[node], &touch.normal);
+                let Touch { normal, velocity, .. } = *touch;
+                (strength > 0.0).then_some(Drag { node, strength, normal, velocity })
+            })
+            .collect()
+    }
+
+    /// Whether any surface at hand has friction.
+    pub fn has_friction(&self) -> bool {
+        self.touched.iter().any(|(_, touches)| touches.iter().any(|touch| touch.contact.friction > 0.0))
+    }
+
+    /// The impulses (N s) that surfaces take in a solved step. `impulses` are what they gave each node: ∇E before projection and without
+    /// friction, whose part then lies along the surface.
+    pub fn reactions(&self, problem: &Problem, share: f64, impulses: &[Vector<f64, D>]) -> Vec<Reaction> {
         let mut sums = vec![Reaction::default(); reaction::surfaces(problem)];
         for (node, touches) in &self.touched {
-            let i = *node as usize;
+            let mut rest = impulses[*node as usize];
+            let mut parts: Vec<Vector<f64, D>> = Vec::with_capacity(touches.len());
             for touch in touches {
-                let mut impulse = impulses[i];
-                if touch.contact.kind != ContactKind::Sticky {
-                    let normal = dot(&impulses[i], &touch.normal);
-                    impulse = touch.normal.map(|n| normal * n);
-                    if touch.contact.friction > 0.0 && normal > 0.0 {
-                        let rubbed = rub(touch, normal, nodes[i].mass, &mut velocities[i]);
-                        (0..D).for_each(|a| impulse[a] += rubbed[a]);
-                    }
-                }
+                let normal = dot(&rest, &touch.normal);
+                let part =
+                    if touch.contact.kind == ContactKind::Sticky { rest } else { touch.normal.map(|n| normal * n) };
+                (0..D).for_each(|a| rest[a] -= part[a]);
+                parts.push(part);
+            }
+            if let Some(k) = touches.iter().position(|touch| touch.contact.friction > 0.0) {
+                (0..D).for_each(|a| parts[k][a] += rest[a]);
+            }
+            for (touch, part) in touches.iter().zip(parts) {
                 let mut taken = [0.0; 3];
-                (0..D).for_each(|a| taken[a] = -share * impulse[a]);
+                (0..D).for_each(|a| taken[a] = -share * part[a]);
                 sums[touch.surface].take(taken, touch.arm);
             }
         }
         sums
     }
-}
-
-/// Slows the sliding of a node of mass `m` (kg) that is pressed with the impulse `normal` (N s); the impulse (N s) that the node receives.
-fn rub<const D: usize>(touch: &Touch<D>, normal: f64, m: f64, velocity: &mut Vector<f64, D>) -> Vector<f64, D> {
-    let mut sliding: Vector<f64, D> = std::array::from_fn(|a| velocity[a] - touch.velocity[a]);
-    let across = dot(&sliding, &touch.normal);
-    (0..D).for_each(|a| sliding[a] -= across * touch.normal[a]);
-    let speed = dot(&sliding, &sliding).sqrt();
-    let lost = (touch.contact.friction * normal / m).min(speed) / speed.max(f64::MIN_POSITIVE);
-    (0..D).for_each(|a| velocity[a] -= lost * sliding[a]);
-    sliding.map(|s| -m * lost * s)
 }
 
 /// The walls that a node belongs to, 0 the lower and 1 the upper; `dx` (m) may be that of a coarsened grid.
@@ -252,17 +255,5 @@ mod tests {
         let grip = touch(ContactKind::Sticky, [0.0, 1.0, 0.0], [5.0, 6.0, 7.0]);
         let rule = decide([1.0, 2.0, 3.0], vec![floor, grip]);
         assert!(rule.freedom.is_none() && rule.velocity == [5.0, 6.0, 7.0]);
-    }
-
-    #[test]
-    fn friction_takes_at_most_the_sliding() {
-        let mut sliding = touch(ContactKind::Separate, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]);
-        sliding.contact.friction = 0.5;
-        let mut v = [3.0, 0.0, 0.0];
-        // Normal impulse 4 on a mass of 2: 0.5 · 4 / 2 = 1 of the relative 2 is lost.
-        assert_eq!(rub(&sliding, 4.0, 2.0, &mut v), [-2.0, 0.0, 0.0]);
-        assert_eq!(v, [2.0, 0.0, 0.0]);
-        rub(&sliding, 100.0, 2.0, &mut v);
-        assert_eq!(v, [1.0, 0.0, 0.0]);
     }
 }

@@ -6,6 +6,7 @@
 pub mod assembly;
 pub mod boundary;
 pub mod discretisation;
+pub mod friction;
 pub mod objective;
 pub mod potential;
 pub mod sparse;
@@ -14,6 +15,3 @@ pub mod stencil;
 pub mod step;
 pub mod topology;
 pub mod transfer;
-
-#[cfg(test)]
-mod tests;

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::assembly;
 use super::discretisation::Discretisation;
+use super::friction::{Drag, STICKING_DX};
 use super::objective::{Field, Freedom, LinearOperator, NodeId, Objective};
 use super::sparse::Bsr;
 use super::state::BodySetup;
@@ -29,6 +30,8 @@ pub struct Potential<'a, const D: usize> {
     control: &'a dyn Control,
     masses: Vec<f64>,
     scales: Vec<f64>,
+    /// With the Δv that their normal impulses come from, where the solve goes on.
+    friction: Option<(Vec<Drag<D>>, Field<D>)>,
 }
 
 impl<'a, const D: usize> Potential<'a, D> {
@@ -43,7 +46,32 @@ impl<'a, const D: usize> Potential<'a, D> {
         let area = characteristic_area(D) * problem.dx.powi(D as i32 - 1);
         let masses = system.iter().map(|node| node.mass).collect();
         let scales = system.iter().map(|node| area * step.dt * node.stiffness).collect();
-        Self { problem, bodies, step, control, masses, scales }
+        Self { problem, bodies, step, control, masses, scales, friction: None }
+    }
+
+    /// The same with the friction that a solution without it causes; its solve goes on from there.
+    pub fn with_friction(mut self, solved: Field<D>) -> Self {
+        let (_, impulses) = self.energy_and_forces(&solved);
+        self.friction = Some((self.step.boundary.drags(&impulses), solved));
+        self
+    }
+
+    /// Friction's nodes, and the speed (m/s) below which they count as sticking.
+    fn drags(&self) -> (&[Drag<D>], f64) {
+        let drags = self.friction.as_ref().map_or(&[][..], |friction| &friction.0);
+        (drags, STICKING_DX * self.problem.dx / self.step.dt)
+    }
+
+    /// Loss (J) by friction.
+    fn dissipation(&self, velocities: &Field<D>) -> f64 {
+        let (drags, slow) = self.drags();
+        sum(drags.iter().map(|drag| drag.energy(&velocities[drag.node], slow)))
+    }
+
+    /// Second derivatives (kg) of the loss, by node.
+    fn resistances(&self, dv: &Field<D>) -> Vec<(usize, Matrix<f64, D>)> {
+        let (velocities, (drags, slow)) = (self.velocities(dv), self.drags());
+        drags.iter().map(|drag| (drag.node, drag.hessian(&velocities[drag.node], slow))).collect()
     }
 
     fn share(&self) -> f64 {
@@ -122,7 +150,8 @@ impl<'a, const D: usize> Potential<'a, D> {
             .map(|(dv, m)| m * (0..D).map(|a| dv[a] * (0.5 * dv[a] - dt * gravity[a])).sum::<f64>()))
     }
 
-    /// Energy (J), and ∇E (kg m/s) of all nodes before any projection: what constraints must give those that are not free.
+    /// Energy (J), and ∇E (kg m/s) of all nodes before any projection and without friction: what
+    /// surfaces must give those that are not free.
     pub fn energy_and_forces(&self, dv: &Field<D>) -> (f64, Field<D>) {
         let velocities = self.velocities(dv);
         let mut stresses = Vec::new();
@@ -145,6 +174,11 @@ impl<'a, const D: usize> Potential<'a, D> {
             }
         }
         (energy, gradient)
+    }
+
+    /// S M S of a node.
+    fn projected(&self, node: usize, m: &Matrix<f64, D>) -> Matrix<f64, D> {
+        self.step.boundary.freedoms[node].projection().map_or(*m, |s| mul(&mul(&s, m), &s))
     }
 
     /// dt² V0 share K of every particle (kg m²), K of [`crate::material::Projected::spatial`]; for assembly and products.
@@ -182,7 +216,7 @@ fn sum(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// S u of nodes that are not free.
-pub(super) fn project<const D: usize>(freedoms: &[Freedom<D>], field: &mut Field<D>) {
+fn project<const D: usize>(freedoms: &[Freedom<D>], field: &mut Field<D>) {
     for (freedom, u) in freedoms.iter().zip(field) {
         if let Some(s) = freedom.projection() {
             *u = apply(&s, u);
@@ -217,7 +251,10 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
 
     /// Free fall; if that is a state that a material forbids, the nodes at rest (in their sliding directions).
     fn start(&self) -> Field<D> {
-        let n = self.step.boundary.freedoms.len();
+        if let Some((_, solved)) = &self.friction {
+            return solved.clone();
+        }
+        let n = self.step.unknowns();
         let step = |velocities: &[Vector<f64, D>]| -> Field<D> {
             let nodes = velocities[..n].iter().zip(&self.step.nodes);
             nodes.map(|(v, node)| std::array::from_fn(|a| v[a] - node.velocity[a])).collect()
@@ -237,11 +274,21 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
     }
 
     fn energy(&self, dv: &Field<D>) -> f64 {
-        self.stresses(&self.velocities(dv), None) + self.inertia(dv)
+        let velocities = self.velocities(dv);
+        self.stresses(&velocities, None) + self.inertia(dv) + self.dissipation(&velocities)
     }
 
     fn energy_and_gradient(&self, dv: &Field<D>, gradient: &mut Field<D>) -> f64 {
-        let (energy, mut forces) = self.energy_and_forces(dv);
+        let (mut energy, mut forces) = self.energy_and_forces(dv);
+        let (drags, slow) = self.drags();
+        if !drags.is_empty() {
+            let velocities = self.velocities(dv);
+            energy += self.dissipation(&velocities);
+            for drag in drags {
+                let force = drag.gradient(&velocities[drag.node], slow);
+                (0..D).for_each(|a| forces[drag.node][a] += force[a]);
+            }
+        }
         forces.truncate(self.step.boundary.freedoms.len());
         project(&self.step.boundary.freedoms, &mut forces);
         *gradient = forces;
@@ -249,11 +296,16 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
     }
 
     fn hessian(&self, dv: &Field<D>) -> Bsr<f64, D> {
-        assembly::assemble(&self.step.topology, &self.tensors(dv), &self.masses, &self.step.boundary.freedoms)
+        let mut matrix =
+            assembly::assemble(&self.step.topology, &self.tensors(dv), &self.masses, &self.step.boundary.freedoms);
+        for (node, block) in self.resistances(dv) {
+            matrix.add_to_diagonal(node, &self.projected(node, &block));
+        }
+        matrix
     }
 
     fn linearised<'a>(&'a self, dv: &Field<D>) -> Box<dyn LinearOperator<D> + 'a> {
-        Box::new(Linearised { potential: self, tensors: self.tensors(dv) })
+        Box::new(Linearised { potential: self, tensors: self.tensors(dv), resistances: self.resistances(dv) })
     }
 
     fn coarse_hessian(&self, dv: &Field<D>, level: u32) -> (Vec<NodeId<D>>, Bsr<f64, D>) {
@@ -271,6 +323,7 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
 struct Linearised<'a, const D: usize> {
     potential: &'a Potential<'a, D>,
     tensors: Vec<Tensor4<f64, D>>,
+    resistances: Vec<(usize, Matrix<f64, D>)>,
 }
 
 impl<const D: usize> LinearOperator<D> for Linearised<'_, D> {
@@ -307,17 +360,28 @@ impl<const D: usize> LinearOperator<D> for Linearised<'_, D> {
         for (i, sum) in sums.iter_mut().enumerate() {
             (0..D).for_each(|a| sum[a] += potential.masses[i] * moving[i][a]);
         }
+        for (node, block) in &self.resistances {
+            let force = apply(block, &moving[*node]);
+            (0..D).for_each(|a| sums[*node][a] += force[a]);
+        }
         project(freedoms, &mut sums);
         *y = sums;
     }
 
     fn diagonal(&self) -> Vec<Matrix<f64, D>> {
         let potential = self.potential;
-        assembly::diagonal(
+        let mut blocks = assembly::diagonal(
             &potential.step.topology,
             &self.tensors,
             &potential.masses,
             &potential.step.boundary.freedoms,
-        )
+        );
+        for (node, block) in &self.resistances {
+            blocks[*node] = add_scaled(&blocks[*node], 1.0, &potential.projected(*node, block));
+        }
+        blocks
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,11 +2,11 @@
 
 use rand::{Rng, SeedableRng, rngs::StdRng};
 
-use super::discretisation::Discretisation;
-use super::objective::{Field, Objective};
-use super::potential::Potential;
-use super::state::{BodySetup, setups};
+use super::{Potential, project};
 use crate::engine::NoControl;
+use crate::implicit::discretisation::Discretisation;
+use crate::implicit::objective::{Field, Objective};
+use crate::implicit::state::{BodySetup, setups};
 use crate::scene::{self, Limits};
 use crate::sim::linalg::dot;
 use crate::sim::problem::Problem;
@@ -74,7 +74,7 @@ impl<const D: usize> Step<D> {
 fn random_field<const D: usize>(potential: &Potential<D>, size: f64, random: &mut StdRng) -> Field<D> {
     let any = |_| std::array::from_fn(|_| random.random_range(-size..size));
     let mut field: Field<D> = (0..potential.nodes().len()).map(any).collect();
-    super::potential::project(potential.freedoms(), &mut field);
+    project(potential.freedoms(), &mut field);
     field
 }
 
