@@ -2,38 +2,54 @@
 
 use std::mem::offset_of;
 
+use gridfall::gpu::implicit::{layout as implicit, shaders};
 use gridfall::gpu::layout;
 use gridfall::gpu::shaders::{Stage, source};
 use gridfall::sim::problem::Kernel;
 
+fn parse_text(name: &str, text: &str) -> naga::Module {
+    naga::front::wgsl::parse_str(text).unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(text)))
+}
+
+fn validate(name: &str, module: &naga::Module) {
+    naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::all())
+        .validate(module)
+        .unwrap_or_else(|e| panic!("{name}: {e:?}"));
+}
+
 fn parse(stage: Stage, kernel: Kernel) -> naga::Module {
-    let text = source(stage, kernel);
-    naga::front::wgsl::parse_str(&text)
-        .unwrap_or_else(|e| panic!("{} ({kernel:?}): {}", stage.name(), e.emit_to_string(&text)))
+    parse_text(&format!("{} ({kernel:?})", stage.name()), &source(stage, kernel))
 }
 
 #[test]
 fn every_stage_is_valid_for_both_kernels() {
     for kernel in [Kernel::Compact, Kernel::Quadratic] {
         for stage in Stage::ALL {
-            let module = parse(stage, kernel);
-            naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::all())
-                .validate(&module)
-                .unwrap_or_else(|e| panic!("{} ({kernel:?}): {e:?}", stage.name()));
+            validate(stage.name(), &parse(stage, kernel));
         }
+        for stage in shaders::Stage::ALL {
+            let text = shaders::source(stage, kernel);
+            validate(stage.name(), &parse_text(stage.name(), &text));
+            let buffers = shaders::used(&text).len();
+            assert!(buffers <= 32, "{} names {buffers} buffers", stage.name());
+        }
+    }
+    for (name, text) in shaders::SCAN {
+        validate(name, &parse_text(name, text));
     }
 }
 
 macro_rules! twin {
-    ($module:expr, $type:ident: $($field:ident),+) => {{
+    ($module:expr, $type:ident: $($field:ident),+) => { twin!($module, layout, $type: $($field),+) };
+    ($module:expr, $layout:ident, $type:ident: $($field:ident),+) => {{
         let (_, ty) = $module.types.iter().find(|(_, t)| t.name.as_deref() == Some(stringify!($type)))
             .unwrap_or_else(|| panic!("no WGSL struct {}", stringify!($type)));
         let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("{} is no struct", stringify!($type)) };
         let shader: Vec<(String, usize)> =
             members.iter().map(|m| (m.name.clone().unwrap(), m.offset as usize)).collect();
-        let rust = vec![$((stringify!($field).to_string(), offset_of!(layout::$type, $field))),+];
+        let rust = vec![$((stringify!($field).to_string(), offset_of!($layout::$type, $field))),+];
         assert_eq!(rust, shader, "{}", stringify!($type));
-        assert_eq!(size_of::<layout::$type>(), *span as usize, "size of {}", stringify!($type));
+        assert_eq!(size_of::<$layout::$type>(), *span as usize, "size of {}", stringify!($type));
     }};
 }
 
@@ -50,6 +66,12 @@ fn shared_structs_agree() {
     twin!(m, Collider: first, count, kind, friction);
     twin!(m, Pose: r0, r1, r2, linear, angular, center);
     twin!(m, Work: block, start, count, unused);
+    let m = parse_text("boundary", &shaders::source(shaders::Stage::Boundary, Kernel::Compact));
+    twin!(m, implicit, Params: blocks, particles, cells, dx, gravity, dt, pad, capacity, periodic, colliders, room, stride, rows,
+        mass_floor, walls);
+    twin!(m, implicit, Status: error, error_particle, max_shift, max_speed, blocks, rows, rubbing, spare);
+    twin!(m, implicit, Sweep: r0, r1, r2);
+    twin!(m, implicit, Touch: normal, velocity, arm, impulse);
 }
 
 #[test]

@@ -4,6 +4,8 @@
 //! compared by momentum and node velocity weighted by mass, because a node that is nearly empty has no meaningful velocity.
 
 mod common;
+#[path = "twins/implicit.rs"]
+mod implicit;
 
 use std::collections::BTreeMap;
 

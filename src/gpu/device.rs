@@ -118,6 +118,8 @@ pub struct Gpu {
     pub dispatch_layout: wgpu::BindGroupLayout,
     pub workgroup: u32,
     pipelines: Mutex<HashMap<Variant, Arc<Pipelines>>>,
+    /// The same of the implicit engine.
+    pub(super) implicit: Mutex<HashMap<Variant, Arc<super::implicit::Pipelines>>>,
     /// First error since the last check; one run's failure is not the next one's.
     fault: Arc<Mutex<Option<String>>>,
     /// Set for good when the device is gone.
@@ -187,6 +189,7 @@ impl Gpu {
             dispatch_layout,
             workgroup,
             pipelines: Mutex::default(),
+            implicit: Mutex::default(),
             fault,
             lost,
             device,

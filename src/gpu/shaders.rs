@@ -112,14 +112,16 @@ pub const DERIVATIVES: &str = wgsl!("implicit/derivatives.wgsl");
 
 /// The complete source of a stage for a kernel; only compact and quadratic have shaders.
 pub fn source(stage: Stage, kernel: Kernel) -> String {
-    let mut parts = vec![wgsl!("shared/layout.wgsl")];
+    let mut parts = vec![wgsl!("shared/structs.wgsl"), wgsl!("shared/layout.wgsl"), wgsl!("shared/blocks.wgsl")];
     parts.push(match kernel {
         Kernel::Quadratic => wgsl!("shared/kernel_quadratic.wgsl"),
         _ => wgsl!("shared/kernel_compact.wgsl"),
     });
     match stage {
         Stage::Launch | Stage::Prepare | Stage::Commit => parts.push(wgsl!("shared/dispatch.wgsl")),
-        Stage::GridUpdate => parts.extend([wgsl!("shared/reactions.wgsl"), wgsl!("shared/collide.wgsl")]),
+        Stage::GridUpdate => {
+            parts.extend([wgsl!("shared/reactions.wgsl"), wgsl!("shared/distance.wgsl"), wgsl!("shared/collide.wgsl")]);
+        }
         Stage::P2g | Stage::G2p2g | Stage::G2p => parts.extend(TRANSFER),
         _ => {}
     }

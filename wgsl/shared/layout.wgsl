@@ -46,25 +46,6 @@ struct Status {
     groups: array<u32, 8>,   // workgroups wanted by each indirect dispatch
 }
 
-struct Body { mass: f32, volume: f32, material: u32, demand: f32 } // demand of the material at rest (1/s²)
-
-// A fluid: a = K/γ, b = γ, c = viscosity. All others: a = μ, b = λ, and
-// von Mises: c = √(2/3) σ_Y; Drucker–Prager: c = α; NACC: c = M, d = β, e = ξ; snow: c = 1 - θc, d = 1 + θs, e = ξ.
-struct Material { model: u32, a: f32, b: f32, c: f32, d: f32, e: f32, spare0: u32, spare1: u32 }
-
-// One instruction of a signed distance program (src/sim/collider/): rotation rows and translation fold the frame.
-// grid: first of `sdf_samples`, samples along each axis.
-struct SdfOp { r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32>, size: vec3<f32>, code: u32, grid: vec4<u32> }
-
-struct Collider { first: u32, count: u32, kind: u32, friction: f32 }
-
-// Pose of a collider at a step: x_start = rotationᵀ (x - translation); velocity = linear + angular × (x - center).
-struct Pose {
-    r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32>, // rows of rotationᵀ; w = translation
-    linear: vec4<f32>,                           // w = 1 while the collider is there, else 0
-    angular: vec4<f32>, center: vec4<f32>,
-}
-
 // A run of particles of one block, the work of one workgroup.
 struct Work { block: u32, start: u32, count: u32, unused: u32 }
 
@@ -134,26 +115,6 @@ fn fail(code: u32, id: u32) {
     atomicOr(&status.error, code);
     atomicMin(&status.error_particle, id);
     atomicOr(&status.halt, HALT_ERROR);
-}
-
-fn block_coordinates(block: u32) -> vec3<i32> {
-    let n = params.blocks;
-    return vec3<i32>(vec3<u32>(block % n.x, (block / n.x) % n.y, block / (n.x * n.y)));
-}
-
-/// Index in the block table, wrapped on periodic axes; -1 outside.
-fn block_index(c: vec3<i32>) -> i32 {
-    let n = vec3<i32>(params.blocks);
-    let wrapped = select(c, ((c % n) + n) % n, params.periodic == vec3<u32>(1u));
-    if (any(wrapped < vec3<i32>(0)) || any(wrapped >= n)) {
-        return -1;
-    }
-    return (wrapped.z * n.y + wrapped.y) * n.x + wrapped.x;
-}
-
-/// Linear index of a workgroup in a dispatch that was folded into two dimensions.
-fn group_index(id: vec3<u32>, count: vec3<u32>) -> u32 {
-    return id.y * count.x + id.x;
 }
 
 fn neighbour(i: u32) -> vec3<i32> {

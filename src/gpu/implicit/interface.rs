@@ -44,7 +44,7 @@ pub struct System {
     pub trial: Buffer,
     /// ∇E there (kg m/s), projected by S.
     pub gradient: Buffer,
-    /// E there (J) as an unevaluated sum of two: `[high, low]`. Not finite where a material forbids the state.
+    /// E there (J) as an unevaluated sum of two: `[high, low]`. Where a material forbids the state, beyond any energy of a body, or not finite.
     pub energy: Buffer,
     /// `array<u32, 4>`: while entry 0 is not zero, evaluations do nothing. The others are the minimiser's.
     pub control: Buffer,

@@ -1,4 +1,14 @@
 //! The implicit step on the device (HOT), 3D, f32; twin of `crate::implicit`. Sums over particles are gathered, never scattered, in an
 //! order that does not depend on scheduling.
 
+mod buffers;
 pub mod interface;
+pub mod layout;
+mod pipelines;
+mod readback;
+pub mod shaders;
+mod step;
+
+pub(super) use pipelines::Pipelines;
+pub use readback::{NodeReading, SystemReading};
+pub use step::{Moved, Stepper};

@@ -1,0 +1,56 @@
+//! Rust twins of the structs in `wgsl/implicit/layout.wgsl`; `tests/layout.rs` compares every offset with naga's.
+
+use bytemuck::{Pod, Zeroable};
+
+pub const ERROR_NAN: u32 = 1;
+pub const ERROR_DOMAIN: u32 = 4;
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Params {
+    pub blocks: [u32; 3],
+    pub particles: u32,
+    pub cells: [f32; 3],
+    pub dx: f32,
+    pub gravity: [f32; 3],
+    pub dt: f32,
+    pub pad: [i32; 3],
+    pub capacity: u32,
+    pub periodic: [u32; 3],
+    pub colliders: u32,
+    pub room: u32,
+    pub stride: u32,
+    pub rows: u32,
+    pub mass_floor: f32,
+    pub walls: [[f32; 4]; 6],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Status {
+    pub error: u32,
+    pub error_particle: u32,
+    pub max_shift: u32,
+    pub max_speed: u32,
+    pub blocks: u32,
+    pub rows: u32,
+    pub rubbing: u32,
+    pub spare: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Sweep {
+    pub r0: [f32; 4],
+    pub r1: [f32; 4],
+    pub r2: [f32; 4],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Touch {
+    pub normal: [f32; 4],
+    pub velocity: [f32; 4],
+    pub arm: [f32; 4],
+    pub impulse: [f32; 4],
+}

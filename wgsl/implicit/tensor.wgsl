@@ -1,0 +1,42 @@
+// Stiffness of the particles at a trial Δv, pushed forward: K[3a + e][3c + f] = share dt² V0 Σ (∂P_ab/∂F_cd) M_eb M_fd / dx², with M = Fⁿ, for MLS D⁻¹ Fⁿ,
+// so that A_ij[a][c] = Σ K g_i[e] g_j[f]. share: twice the energy and half of each ∇v on the compact kernel's grids.
+// One workgroup a block, one lane a particle at a time.
+
+@compute @workgroup_size(LANES)
+fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let slot = group_index(group, groups);
+    let there = slot < status.blocks;
+    if (there) {
+        load_trial(slot, lane);
+    }
+    workgroupBarrier();
+    if (!there) {
+        return;
+    }
+    for (var p = starts[slot * IN_BLOCK] + lane; p < starts[(slot + 1u) * IN_BLOCK]; p += LANES) {
+        let y = offset_of(p);
+        let body = bodies[tag[p].y];
+        let material = materials[body.material];
+        let F = deformation_of(p);
+        let derivative = projected_derivative(material, trial_deformation(p, y, F), plastic_of(p, material.model));
+        var M = F;
+        if (MLS) {
+            // D is symmetric.
+            M = transpose(times_inverse_moment(transpose(F), y));
+        }
+        let rate = params.dt / params.dx;
+        let factor = GRID_SHARE * body.volume * rate * rate;
+        for (var j = 0u; j < 9u; j++) {
+            let c = j / 3u;
+            let f = j % 3u;
+            var dF: mat3x3<f32>;
+            for (var d = 0u; d < 3u; d++) {
+                dF[d][c] = M[d][f];
+            }
+            let column = projected_times(derivative, dF) * transpose(M);
+            for (var i = 0u; i <= j; i++) {
+                tensor[upper(i, j) * params.room + p] = factor * column[i % 3u][i / 3u];
+            }
+        }
+    }
+}
