@@ -19,7 +19,9 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
             let F = deformation_of(p);
             var pk1: mat3x3<f32>;
             let density = elastic_energy_pk1(material, trial_deformation(p, y, F), plastic_of(p, material.model), &pk1);
-            sum = add_pairs(sum, vec2<f32>(f32(GRIDS) * body.volume * density, 0.0));
+            // A forbidden state stays beyond all others, whatever the volume.
+            let cost = select(f32(GRIDS) * body.volume * density, density, density >= FORBIDDEN);
+            sum = add_pairs(sum, vec2<f32>(cost, 0.0));
             var A = (params.dt * body.volume / params.dx) * (pk1 * transpose(F));
             if (MLS) {
                 A = times_inverse_moment(A, y);

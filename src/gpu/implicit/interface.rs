@@ -29,7 +29,7 @@ pub struct System {
     /// `array<u32>`, `[slot * stride + row]`: the neighbour's row, or [`NO_NODE`]. Slots, x slowest and z fastest: quadratic, offsets −2..=2;
     /// compact, offsets −1..=1 on the own grid, then 64 on the other: −1..=2 for grid 0, −2..=1 for grid 1.
     pub columns: Buffer,
-    /// `array<f32>`, `[(slot * 9 + 3 a + c) * stride + row]`: entry (a, c) of the Hessian's block (kg) at the start, S folded in, trace/3 · (I − S)
+    /// `array<f32>`, `[(slot * 9 + 3 a + c) * stride + row]`: entry (a, c) of the Hessian's block (kg), S folded in, trace/3 · (I − S)
     /// added on the diagonals of sliding nodes. Blocks without a neighbour are zero.
     pub values: Buffer,
     /// `array<vec4<f32>>`: w = 0 free; 1: slides along the plane with normal xyz, S = I − n nᵀ; 2: along the line xyz, S = t tᵀ.
@@ -44,7 +44,7 @@ pub struct System {
     pub trial: Buffer,
     /// ∇E there (kg m/s), projected by S.
     pub gradient: Buffer,
-    /// E there (J) as an unevaluated sum of two: `[high, low]`. Where a material forbids the state, beyond any energy of a body, or not finite.
+    /// E there (J) as an unevaluated sum of two: `[high, low]`. Where a material forbids the state, 1e38 or more, or not finite.
     pub energy: Buffer,
     /// `array<u32, 4>`: while entry 0 is not zero, evaluations do nothing. The others are the minimiser's.
     pub control: Buffer,
@@ -98,8 +98,11 @@ impl System {
     }
 }
 
-/// E and ∇E of a system.
+/// E, ∇E and ∇²E of a system.
 pub trait Evaluate {
     /// Records the dispatches that read `trial` and write `gradient` and `energy`, unless `control[0]` is set when they run.
     fn record(&self, pass: &mut ComputePass);
+
+    /// Records the dispatches that write `values`, the Hessian at `trial`, which the last evaluation has seen.
+    fn record_hessian(&self, pass: &mut ComputePass);
 }

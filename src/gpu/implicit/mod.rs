@@ -4,6 +4,7 @@
 mod buffers;
 pub mod interface;
 pub mod layout;
+mod particles;
 mod pipelines;
 mod readback;
 pub mod shaders;

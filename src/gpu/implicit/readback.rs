@@ -112,13 +112,16 @@ impl Stepper {
         self.gpu.queue.write_buffer(&self.buffers.system.dv, 0, bytemuck::cast_slice(&values));
     }
 
-    /// E (J) and ∇E (kg m/s) at Δv.
-    pub fn evaluate(&self) -> Result<(f64, Vec<[f64; 3]>), EngineError> {
+    /// The matrix at `dv`.
+    pub fn assemble(&self) {
         self.submit(|encoder| {
             self.look_at_dv(encoder);
-            self.record(&mut encoder.begin_compute_pass(&Default::default()));
+            self.record_hessian(&mut encoder.begin_compute_pass(&Default::default()));
         });
-        let energy: Vec<f32> = read(&self.gpu, &self.buffers.system.energy, 2)?;
-        Ok((f64::from(energy[0]) + f64::from(energy[1]), self.vectors(&self.buffers.system.gradient)?))
+    }
+
+    /// E (J) and ∇E (kg m/s) at Δv.
+    pub fn evaluate(&self) -> Result<(f64, Vec<[f64; 3]>), EngineError> {
+        Ok((self.energy()?, self.vectors(&self.buffers.system.gradient)?))
     }
 }

@@ -20,6 +20,7 @@ pub enum Stage {
     P2g,
     Boundary,
     Rows,
+    Rest,
     Columns,
     Predict,
     Tensor,
@@ -34,7 +35,7 @@ pub enum Stage {
 }
 
 impl Stage {
-    pub const ALL: [Stage; 20] = [
+    pub const ALL: [Stage; 21] = [
         Stage::Mark,
         Stage::Number,
         Stage::Count,
@@ -44,6 +45,7 @@ impl Stage {
         Stage::P2g,
         Stage::Boundary,
         Stage::Rows,
+        Stage::Rest,
         Stage::Columns,
         Stage::Predict,
         Stage::Tensor,
@@ -70,6 +72,7 @@ impl Stage {
             Stage::P2g => ("p2g", wgsl!("implicit/p2g.wgsl"), gather()),
             Stage::Boundary => ("boundary", wgsl!("implicit/boundary.wgsl"), vec![wgsl!("shared/distance.wgsl")]),
             Stage::Rows => ("rows", wgsl!("implicit/rows.wgsl"), vec![]),
+            Stage::Rest => ("rest", wgsl!("implicit/rest.wgsl"), vec![wgsl!("implicit/freedom.wgsl")]),
             Stage::Columns => ("columns", wgsl!("implicit/columns.wgsl"), vec![wgsl!("implicit/neighbour.wgsl")]),
             Stage::Predict => {
                 let parts = vec![wgsl!("implicit/tile.wgsl"), wgsl!("implicit/particle.wgsl")];

@@ -14,13 +14,16 @@ use crate::engine::EngineError;
 use crate::material::Law;
 use crate::sim::collider::Collider;
 use crate::sim::particles::Particles;
-use crate::sim::problem::Problem;
+use crate::sim::problem::{Material, Problem};
 use crate::sim::reaction::{self, Reaction};
 
 /// Lanes of a workgroup (`LANES` in the shaders).
 const LANES: usize = 64;
 /// Nodes lighter than this share of a full one fall freely, without forces.
 const LIGHTEST: f64 = 1e-12;
+
+/// No body has so much energy (J): a material forbids the state.
+const FORBIDDEN: f64 = 1e38;
 
 /// Particles and grid of a simulation on the device.
 pub struct Stepper {
@@ -30,7 +33,7 @@ pub struct Stepper {
     pub(super) params: Params,
     /// Without particles.
     pub(super) problem: Problem,
-    frame: Frame,
+    pub(super) frame: Frame,
     /// Blocks that particles touch in this step.
     pub(super) blocks: usize,
     /// Whether any surface at hand has friction.
@@ -107,48 +110,9 @@ impl Stepper {
         Ok(stepper)
     }
 
-    /// Particles that there are.
-    pub fn live(&self) -> usize {
-        self.frame.body_of.len()
-    }
-
-    /// Puts particles behind those that there are, for which there must be room.
-    pub fn append(&mut self, particles: &Particles) -> Result<(), EngineError> {
-        let data = self.frame.data(particles)?;
-        let (first, n, room) = (self.live(), particles.len(), self.buffers.sizes.particles);
-        let put = |name: &str, at: usize, bytes: &[u8]| {
-            self.gpu.queue.write_buffer(self.buffers.get(name), at as u64, bytes);
-        };
-        let tags: Vec<[u32; 2]> = (first as u32..).zip(&particles.body).map(|(id, &body)| [id, body]).collect();
-        put("position_in", 16 * first, bytemuck::cast_slice(&data.position));
-        put("tag_in", 8 * first, bytemuck::cast_slice(&tags));
-        for (k, channel) in
-            data.velocity.chunks_exact(n.max(1)).chain(data.deformation.chunks_exact(n.max(1))).enumerate()
-        {
-            put("state_in", 4 * (k * room + first), bytemuck::cast_slice(channel));
-        }
-        self.frame.body_of.extend(&particles.body);
-        self.params.particles = self.live() as u32;
-        self.gpu.check()
-    }
-
-    /// Particle states at the end of the last step that was kept, by id.
-    pub fn snapshot(&self) -> Result<Particles, EngineError> {
-        let (n, room) = (self.live(), self.buffers.sizes.particles);
-        let channels = self.buffers.sizes.channels;
-        let place: Vec<[u32; 4]> = read(&self.gpu, self.buffers.get("position_in"), n)?;
-        let tags: Vec<[u32; 2]> = read(&self.gpu, self.buffers.get("tag_in"), n)?;
-        let state: Vec<f32> = read(&self.gpu, self.buffers.get("state_in"), channels * room)?;
-        let mut position = vec![[0; 4]; n];
-        let mut by_id = vec![0.0; channels * n];
-        for (at, &[id, _]) in tags.iter().enumerate() {
-            position[id as usize] = place[at];
-            for k in 0..channels {
-                by_id[k * n + id as usize] = state[k * room + at];
-            }
-        }
-        let (velocity, deformation) = by_id.split_at(12 * n);
-        Ok(self.frame.particles(&position, velocity, deformation, n))
+    /// The system of the step that has begun.
+    pub fn equations(&self) -> &System {
+        &self.buffers.system
     }
 
     fn write_params(&self) {
@@ -273,21 +237,34 @@ impl Stepper {
         Ok(())
     }
 
-    /// The matrix at `dv`.
-    pub fn assemble(&self) {
-        self.submit(|encoder| {
-            self.look_at_dv(encoder);
-            let mut pass = encoder.begin_compute_pass(&Default::default());
-            self.dispatch(&mut pass, Stage::Tensor, self.blocks);
-            self.dispatch(&mut pass, Stage::Assemble, self.params.rows as usize);
-        });
-    }
-
     /// Makes `dv` the trial.
     pub(super) fn look_at_dv(&self, encoder: &mut wgpu::CommandEncoder) {
         let system = &self.buffers.system;
         encoder.copy_buffer_to_buffer(&system.dv, 0, &system.trial, 0, system.dv.size());
         encoder.clear_buffer(&system.control, 0, None);
+    }
+
+    /// E (J) at `dv`; ∇E is on the device.
+    pub(super) fn energy(&self) -> Result<f64, EngineError> {
+        self.submit(|encoder| {
+            self.look_at_dv(encoder);
+            self.record(&mut encoder.begin_compute_pass(&Default::default()));
+        });
+        let energy: Vec<f32> = read(&self.gpu, &self.buffers.system.energy, 2)?;
+        Ok(f64::from(energy[0]) + f64::from(energy[1]))
+    }
+
+    /// Starts from rest where free fall is a state that a material forbids; only neo-Hookean ones do.
+    pub fn avoid_forbidden_start(&self) -> Result<(), EngineError> {
+        if !self.problem.materials.iter().any(|material| matches!(material, Material::NeoHookean(_))) {
+            return Ok(());
+        }
+        if self.energy()? < FORBIDDEN {
+            return Ok(());
+        }
+        let nodes = self.blocks * self.buffers.sizes.grids() * 64;
+        self.pass(|pass| self.dispatch(pass, Stage::Rest, nodes.div_ceil(LANES)));
+        Ok(())
     }
 
     /// Adds the friction that the normal impulses at `dv` cause to the objective.
@@ -344,6 +321,11 @@ impl Evaluate for Stepper {
         self.dispatch(pass, Stage::Strain, self.blocks);
         self.dispatch(pass, Stage::Gradient, self.blocks * self.buffers.sizes.grids());
         self.dispatch(pass, Stage::Energy, 1);
+    }
+
+    fn record_hessian(&self, pass: &mut wgpu::ComputePass) {
+        self.dispatch(pass, Stage::Tensor, self.blocks);
+        self.dispatch(pass, Stage::Assemble, self.params.rows as usize);
     }
 }
 
