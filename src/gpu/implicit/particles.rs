@@ -55,16 +55,16 @@ impl Stepper {
     }
 
     /// Index of a particle's body.
-    pub(super) fn body(&self, id: usize) -> usize {
+    pub fn body(&self, id: usize) -> usize {
         self.frame.body_of[id] as usize
     }
 
-    pub(super) fn body_name(&self, id: usize) -> &str {
+    pub fn body_name(&self, id: usize) -> &str {
         &self.problem.bodies[self.body(id)].name
     }
 
     /// F (row-major) and speed (m/s) of a particle at the step's start.
-    pub(super) fn before(&self, id: usize) -> Result<([f64; 9], f64), EngineError> {
+    pub fn before(&self, id: usize) -> Result<([f64; 9], f64), EngineError> {
         let particles = self.particles_of("position", "tag", "state")?;
         let v = particles.v[id];
         Ok((particles.f[id], v.iter().map(|v| v * v).sum::<f64>().sqrt()))
