@@ -21,6 +21,9 @@ const LIGHTEST: f64 = 1e-12;
 /// Two normals that are nearer to each other than this (sine of the angle) are one.
 const PARALLEL: f64 = 1e-6;
 
+/// Pull of separating surfaces, as a part of their push, that a step may keep.
+const PULL: f64 = 0.05;
+
 /// A surface at a node.
 #[derive(Clone, Copy, Debug)]
 struct Touch<const D: usize> {
@@ -104,9 +107,29 @@ impl<const D: usize> Boundary<D> {
             .collect()
     }
 
-    /// Whether any surface at hand has friction.
-    pub fn has_friction(&self) -> bool {
-        self.touched.iter().any(|(_, touches)| touches.iter().any(|touch| touch.contact.friction > 0.0))
+    /// Lets go of nodes that a separating surface pulls back instead of pushing, if that is not just noise beside what is pushed: all surfaces
+    /// together pull more than [`PULL`] of their push. Returns whether any was let go.
+    pub fn release(&mut self, impulses: &[Vector<f64, D>]) -> bool {
+        let (mut pull, mut push) = (0.0, 0.0);
+        let mut pulled = Vec::new();
+        for (at, (node, touches)) in self.touched.iter().enumerate() {
+            if let [Touch { contact: Contact { kind: ContactKind::Separate, .. }, normal, .. }] = touches[..] {
+                let pressed = dot(&impulses[*node as usize], &normal);
+                push += pressed.max(0.0);
+                if pressed < 0.0 {
+                    pull -= pressed;
+                    pulled.push(at);
+                }
+            }
+        }
+        if pull <= PULL * push {
+            return false;
+        }
+        for &at in &pulled {
+            self.freedoms[self.touched[at].0 as usize] = Freedom::Free;
+            self.touched[at].1.clear();
+        }
+        !pulled.is_empty()
     }
 
     /// The impulses (N s) that surfaces take in a solved step. `impulses` are what they gave each node: ∇E before projection and without

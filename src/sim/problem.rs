@@ -6,7 +6,9 @@ use super::collider::Collider;
 use super::particles::{IDENTITY, Particles};
 use super::source::Source;
 use crate::material::initial_plastic_state;
-pub use crate::scene::schema::{ContactKind, Field, Implicit, Integrator, Kernel, Material, Precision, Transfer};
+pub use crate::scene::schema::{
+    CoarseSolve, ContactKind, Field, Implicit, Integrator, Kernel, Material, Precision, Smoother, Transfer,
+};
 
 /// What a surface does to the material that meets it.
 #[derive(Clone, Copy, Debug, PartialEq)]

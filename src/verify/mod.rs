@@ -14,6 +14,7 @@ mod session;
 mod setup;
 mod single_particle;
 mod sliding_block;
+mod stiffness_sweep;
 mod still_water;
 mod von_neumann;
 
@@ -51,6 +52,7 @@ pub const CASES: &[Case] = &[
     single_particle::SINGLE_PARTICLE,
     boundaries::SPINNING_DISK,
     boundaries::COLLISIONS,
+    stiffness_sweep::STIFFNESS_SWEEP,
     kernels::STICKY_FLOOR,
     kernels::HOLLOW_CYLINDER,
 ];

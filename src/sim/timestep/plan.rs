@@ -157,7 +157,13 @@ pub fn max_collider_speed_m_s(problem: &Problem) -> f64 {
             let high = if high[a].is_finite() { high[a] } else { upper[a] };
             (low - motion.center[a]).abs().max((high - motion.center[a]).abs())
         });
-        motion.velocities().map(|(v, w)| norm(&v) + norm(&w) * norm(&reach)).fold(0.0, f64::max)
+        // |ω × r| by components: what lies along the axis does not count.
+        let turning = |w: &[f64; 3]| {
+            let w = w.map(f64::abs);
+            let component = |a: usize, b: usize| w[a] * reach[b] + w[b] * reach[a];
+            norm(&[component(1, 2), component(2, 0), component(0, 1)])
+        };
+        motion.velocities().map(|(v, w)| norm(&v) + turning(&w)).fold(0.0, f64::max)
     };
     problem.colliders.iter().map(speed).fold(0.0, f64::max)
 }

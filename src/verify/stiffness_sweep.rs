@@ -1,0 +1,139 @@
+//! Iterations of the implicit solver as a part of a bar grows stiffer, and what its tolerance is worth.
+
+use serde_json::json;
+
+use super::Case;
+use super::report::Rule;
+use super::session::Session;
+use super::setup::{Scheme, problem};
+use crate::engine::{Engine, EngineError, NoControl};
+use crate::implicit::ImplicitEngine;
+use crate::sim::particles::Particles;
+use crate::sim::problem::{CoarseSolve, Integrator, Kernel, Problem, Smoother, Transfer};
+
+pub const STIFFNESS_SWEEP: Case = Case {
+    name: "stiffness-sweep",
+    claim: "outer iterations of the implicit solver hardly grow while the middle of a twisted bar goes from 1e5 to 1e10 Pa",
+    source: "Wang et al. 2020 (HOT), Fig. 20; iterations of HOT as published from an independent prototype",
+    gpu: false,
+    quick: true,
+    run: stiffness_sweep,
+};
+
+/// Young's modulus of the middle (Pa), and mean outer iterations of the prototype at ε = 1e-7.
+const SWEEP: [(f64, f64); 6] = [(1e5, 5.2), (1e6, 5.8), (1e7, 6.4), (1e8, 9.6), (1e9, 11.8), (1e10, 18.0)];
+/// Steps a second; the step is as long.
+const RATE: f64 = 48.0;
+/// A tolerance that ends at rounding.
+const CONVERGED: f64 = 1e-13;
+
+/// Mean outer iterations a step, and the mean error of a step's Δv.
+struct Run {
+    iterations: f64,
+    error: f64,
+}
+
+fn bar(session: &Session, kernel: Kernel, middle_pa: f64) -> Problem {
+    let material = |young: f64| json!({ "model": "fixed-corotated", "density": 2000, "youngs_modulus": young, "poissons_ratio": 0.3 });
+    let part = |name: &str, material: &str, from: f64, to: f64| {
+        json!({ "name": name, "material": material, "sampling": "jittered",
+                "shape": { "box": { "min": [0.14, from, 0.14], "max": [0.26, to, 0.26] } } })
+    };
+    let grip = |from: f64, to: f64, spin: f64| {
+        json!({ "name": format!("grip at {from}"), "contact": "sticky",
+                "shape": { "box": { "min": [0.1, from, 0.1], "max": [0.3, to, 0.3] } },
+                "motion": { "angular_velocity": [0, spin, 0], "center": [0.2, 1, 0.2] } })
+    };
+    let mut problem = problem(
+        session,
+        Scheme::new(3, kernel, Transfer::Apic),
+        json!({
+            "domain": { "min": [0, 0, 0], "max": [0.4, 1.2, 0.4], "dx": 0.02 },
+            "materials": { "soft": material(1e5), "middle": material(middle_pa) },
+            "bodies": [ part("lower", "soft", 0.14, 0.44), part("middle", "middle", 0.44, 0.74), part("upper", "soft", 0.74, 1.04) ],
+            "colliders": [ grip(0.05, 0.19, 0.0), grip(0.99, 1.15, 2.0 * std::f64::consts::PI) ],
+        }),
+    );
+    (problem.integrator, problem.cfl) = (Integrator::Implicit, 1.0);
+    problem
+}
+
+/// Steps from rest; with `compare`, each is done again from the same state to convergence.
+fn run(problem: &Problem, steps: u32, compare: bool) -> Result<Run, EngineError> {
+    let mut engine = ImplicitEngine::new(problem)?;
+    let mut before = problem.particles.clone();
+    let (mut iterations, mut error, mut solves) = (0, 0.0, 0);
+    for step in 0..steps {
+        let stats = engine.advance_frame(1.0 / RATE, &NoControl)?;
+        iterations += stats.solves.iter().map(|solve| solve.iterations).sum::<u32>();
+        solves += stats.solves.len();
+        let after = engine.snapshot()?;
+        if compare {
+            let mut exact = Problem { particles: before.clone(), ..problem.clone() };
+            exact.implicit.tolerance = CONVERGED;
+            let mut exact = ImplicitEngine::new(&exact)?.at(f64::from(step) / RATE);
+            exact.advance_frame(1.0 / RATE, &NoControl)?;
+            error += distance(&after, &exact.snapshot()?) / distance(&exact.snapshot()?, &before) / f64::from(steps);
+        }
+        before = after;
+    }
+    Ok(Run { iterations: f64::from(iterations) / solves as f64, error })
+}
+
+/// Root of the sum of squared differences of all velocities (m/s).
+fn distance(a: &Particles, b: &Particles) -> f64 {
+    let squared = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>();
+    a.v.iter().zip(&b.v).map(squared).sum::<f64>().sqrt()
+}
+
+fn stiffness_sweep(session: &mut Session) -> Result<(), EngineError> {
+    let moduli: Vec<(f64, f64)> = session.pick(vec![SWEEP[0], SWEEP[4]], SWEEP.to_vec());
+    let steps = session.pick(3, 24);
+    let compare = !session.quick();
+    for kernel in session.pick(vec![Kernel::Quadratic], vec![Kernel::Quadratic, Kernel::Compact]) {
+        let name = if kernel == Kernel::Compact { "compact" } else { "quadratic" };
+        let mut softest = [f64::NAN; 2];
+        let mut columns = [const { Vec::new() }; 5];
+        for &(middle_pa, reference) in &moduli {
+            let mut problem = bar(session, kernel, middle_pa);
+            columns[0].push(middle_pa);
+            for (k, tolerance, worst) in [(0, 1e-7, 4e-2), (1, 1e-9, 1e-3)] {
+                problem.implicit.tolerance = tolerance;
+                let ours = run(&problem, steps, compare)?;
+                if softest[k].is_nan() {
+                    softest[k] = ours.iterations;
+                }
+                let variant = format!("{name}, {middle_pa:.0e} Pa, ε = {tolerance:.0e}");
+                let growth = if middle_pa > 5e9 { 2.0 } else { 1.5 };
+                let ratio = ours.iterations / softest[k];
+                session.check(&variant, "outer iterations against the softest", "", (Rule::AtMost, growth, 0.0), ratio);
+                if compare {
+                    session.check(&variant, "error of a step's Δv", "", (Rule::AtMost, worst, 0.0), ours.error);
+                }
+                columns[1 + 2 * k].push(ours.iterations);
+                columns[2 + 2 * k].push(ours.error);
+            }
+            if kernel == Kernel::Quadratic {
+                problem.implicit.tolerance = 1e-7;
+                problem.implicit.smoother = Smoother::GaussSeidel;
+                problem.implicit.coarse_solve = CoarseSolve::Adaptive;
+                let published = run(&problem, steps, false)?;
+                let variant = format!("{name}, {middle_pa:.0e} Pa, as published");
+                let rule = (Rule::AtMost, reference, 0.0);
+                session.check(&variant, "outer iterations a step", "", rule, published.iterations);
+            }
+        }
+        let [young, loose, loose_error, tight, tight_error] = columns;
+        session.curve(
+            name,
+            vec![
+                ("youngs_modulus_pa", young),
+                ("iterations_at_1e-7", loose),
+                ("error_at_1e-7", loose_error),
+                ("iterations_at_1e-9", tight),
+                ("error_at_1e-9", tight_error),
+            ],
+        );
+    }
+    Ok(())
+}
