@@ -5,13 +5,36 @@
 
 pub mod assembly;
 pub mod boundary;
+mod cholesky;
+mod coarse;
+mod descent;
 pub mod discretisation;
 pub mod friction;
+pub mod galerkin;
+mod gauss_seidel;
+pub mod hierarchy;
+mod krylov;
+mod lbfgs;
+mod line_search;
+mod newton;
 pub mod objective;
 pub mod potential;
+mod smoother;
+mod solve;
 pub mod sparse;
+mod spectrum;
 pub mod state;
 pub mod stencil;
 pub mod step;
+mod tolerance;
 pub mod topology;
 pub mod transfer;
+pub mod vcycle;
+mod verbs;
+
+#[cfg(test)]
+mod fixture;
+#[cfg(test)]
+mod tests;
+
+pub use solve::solve;

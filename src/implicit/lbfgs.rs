@@ -1,0 +1,139 @@
+//! Quasi-Newton with a multigrid cycle, or an inexact solve, as initial inverse Hessian (HOT algorithm 3).
+
+use std::collections::VecDeque;
+
+use super::descent::Directions;
+use super::krylov::{Inexact, Preconditioner};
+use super::line_search::Point;
+use super::objective::{Field, Objective};
+use super::sparse::Bsr;
+use super::vcycle::{Plan, VCycle};
+use super::verbs::{axpy, dot};
+
+/// Pairs that are kept.
+const WINDOW: usize = 8;
+/// Iterations after which the model is made anew where the solver stands and the history is dropped. A step that needs so many has moved
+/// far from the Hessian at its start.
+pub const REBUILD: u32 = 16;
+
+struct Pair<const D: usize> {
+    s: Field<D>,
+    y: Field<D>,
+    rho: f64,
+}
+
+/// The last steps and the changes of the gradient over them.
+#[derive(Default)]
+pub struct History<const D: usize>(VecDeque<Pair<D>>);
+
+impl<const D: usize> History<D> {
+    /// Pairs of negative curvature are dropped.
+    pub fn push(&mut self, s: Field<D>, y: Field<D>) {
+        let curvature = dot(&y, &s);
+        if curvature > 0.0 {
+            if self.0.len() == WINDOW {
+                self.0.pop_front();
+            }
+            self.0.push_back(Pair { s, y, rho: 1.0 / curvature });
+        }
+    }
+
+    /// The two-loop recursion (Nocedal & Wright, algorithm 7.4): p = −B ∇E.
+    pub fn direction(&self, gradient: &Field<D>, initial: &mut dyn Preconditioner<D>, p: &mut Field<D>) -> u32 {
+        let mut q: Field<D> = gradient.iter().map(|g| g.map(|x| -x)).collect();
+        let mut alphas = Vec::with_capacity(self.0.len());
+        for pair in self.0.iter().rev() {
+            let alpha = pair.rho * dot(&pair.s, &q);
+            axpy(-alpha, &pair.y, &mut q);
+            alphas.push(alpha);
+        }
+        let inner = initial.apply(&q, p);
+        for (pair, alpha) in self.0.iter().zip(alphas.into_iter().rev()) {
+            let beta = pair.rho * dot(&pair.y, p);
+            axpy(alpha - beta, &pair.s, p);
+        }
+        inner
+    }
+}
+
+/// The model of the Hessian at the step's start.
+enum Model<const D: usize> {
+    Cycle(Box<VCycle<f32, D>>),
+    Inexact(Bsr<f64, D>, Inexact<D>),
+}
+
+impl<const D: usize> Preconditioner<D> for Model<D> {
+    fn apply(&mut self, r: &Field<D>, z: &mut Field<D>) -> u32 {
+        match self {
+            Self::Cycle(cycle) => cycle.apply(r, z),
+            Self::Inexact(matrix, inexact) => inexact.solve(matrix, r, r, z),
+        }
+    }
+
+    fn strengthen(&mut self) -> bool {
+        match self {
+            Self::Cycle(cycle) => cycle.strengthen(),
+            Self::Inexact(..) => false,
+        }
+    }
+}
+
+/// L-BFGS around a V-cycle, if there is a plan for one, else around conjugate gradients.
+pub struct QuasiNewton<const D: usize> {
+    plan: Option<Plan>,
+    model: Option<Model<D>>,
+    history: History<D>,
+    /// Iterations since the model was made.
+    age: u32,
+    nonzeros: u64,
+}
+
+impl<const D: usize> QuasiNewton<D> {
+    pub fn new(plan: Option<Plan>) -> Self {
+        Self { plan, model: None, history: History(VecDeque::new()), age: 0, nonzeros: 0 }
+    }
+
+    fn build(&mut self, objective: &dyn Objective<D>, dv: &Field<D>) -> Model<D> {
+        let matrix = objective.hessian(dv);
+        self.nonzeros = matrix.blocks.len() as u64;
+        match &self.plan {
+            Some(plan) => Model::Cycle(Box::new(VCycle::new(objective, dv, &matrix, plan))),
+            None => {
+                let inexact = Inexact::new(&matrix);
+                Model::Inexact(matrix, inexact)
+            }
+        }
+    }
+}
+
+impl<const D: usize> Directions<D> for QuasiNewton<D> {
+    fn direction(&mut self, objective: &dyn Objective<D>, at: &Point<D>, p: &mut Field<D>) -> u32 {
+        if self.age == REBUILD {
+            (self.model, self.age) = (None, 0);
+            self.history.0.clear();
+        }
+        self.age += 1;
+        let mut model = self.model.take().unwrap_or_else(|| self.build(objective, &at.dv));
+        let inner = self.history.direction(&at.gradient, &mut model, p);
+        self.model = Some(model);
+        inner
+    }
+
+    fn learn(&mut self, step: Field<D>, change: Field<D>) {
+        self.history.push(step, change);
+    }
+
+    fn retreat(&mut self, descending: bool) -> bool {
+        let had_history = !self.history.0.is_empty();
+        self.history.0.clear();
+        had_history || (!descending && self.model.as_mut().is_some_and(|model| model.strengthen()))
+    }
+
+    fn size(&self) -> (u32, u64) {
+        let levels = match &self.model {
+            Some(Model::Cycle(cycle)) => cycle.depth(),
+            _ => 1,
+        };
+        (levels, self.nonzeros)
+    }
+}
