@@ -5,7 +5,8 @@ use std::sync::Arc;
 use crate::cpu::CpuEngine;
 use crate::engine::{Engine, EngineError};
 use crate::gpu::{Gpu, GpuEngine, supports};
-use crate::sim::problem::Problem;
+use crate::implicit::ImplicitEngine;
+use crate::sim::problem::{Integrator, Problem};
 
 /// What the user asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -49,6 +50,9 @@ impl Devices {
     ///
     /// Errors: the scene is not for the GPU though the GPU was asked for, or does not fit.
     pub fn engine(&self, problem: &Problem) -> Result<Box<dyn Engine>, EngineError> {
+        if problem.integrator == Integrator::Implicit {
+            return Ok(Box::new(ImplicitEngine::new(problem)?));
+        }
         let Some(gpu) = &self.gpu else {
             return Ok(Box::new(CpuEngine::new(problem)?.because(&self.reason)));
         };

@@ -9,6 +9,7 @@ mod cholesky;
 mod coarse;
 mod descent;
 pub mod discretisation;
+mod engine;
 pub mod friction;
 pub mod galerkin;
 mod gauss_seidel;
@@ -37,4 +38,5 @@ mod fixture;
 #[cfg(test)]
 mod tests;
 
+pub use engine::ImplicitEngine;
 pub use solve::solve;

@@ -49,9 +49,10 @@ impl<'a, const D: usize> Potential<'a, D> {
         Self { problem, bodies, step, control, masses, scales, friction: None }
     }
 
-    /// The same with friction, from the `impulses` (N s) that surfaces gave the nodes in a solve without it; goes on from there.
-    pub fn with_friction(mut self, impulses: &[Vector<f64, D>], solved: Field<D>) -> Self {
-        self.friction = Some((self.step.boundary.drags(impulses), solved));
+    /// The same with the friction that a solution without it causes; its solve goes on from there.
+    pub fn with_friction(mut self, solved: Field<D>) -> Self {
+        let (_, impulses) = self.energy_and_forces(&solved);
+        self.friction = Some((self.step.boundary.drags(&impulses), solved));
         self
     }
 
