@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Write;
 use std::panic::resume_unwind;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::thread;
 
-use crate::engine::{Control, Engine, EngineError, FrameStats};
+use crate::engine::{Control, Engine, EngineError, FrameStats, Solve};
 use crate::recording::{self, Header, RecordingError, Severity, Writer};
 use crate::scene::schema::Scene;
-use crate::sim::diagnostics::Row;
+use crate::sim::diagnostics::{Row, SolverRow};
 use crate::sim::particles::Particles;
 use crate::sim::problem::Problem;
 
@@ -24,6 +24,8 @@ pub struct Outputs {
     pub thumbnail: Option<PathBuf>,
     /// The diagnostics (CSV), a line as soon as a frame is done.
     pub diagnostics: Option<PathBuf>,
+    /// The steps of the implicit integrator (CSV), written with their frame; no more than the header for an explicit run.
+    pub solver: Option<PathBuf>,
 }
 
 /// A frame that was just written.
@@ -132,11 +134,45 @@ fn step(
     Ok(())
 }
 
+/// A CSV that grows by whole lines.
+struct Table {
+    file: File,
+    path: PathBuf,
+}
+
+impl Table {
+    fn create(path: &Path, header: String) -> Result<Self, RecordingError> {
+        let file = File::create(path).map_err(RecordingError::io("create", path))?;
+        let mut table = Self { file, path: path.to_owned() };
+        table.line(&header)?;
+        Ok(table)
+    }
+
+    fn line(&mut self, line: &str) -> Result<(), RecordingError> {
+        self.file.write_all(format!("{line}\n").as_bytes()).map_err(RecordingError::io("write", &self.path))
+    }
+}
+
+/// What is to be said of a frame with implicit steps that did not come down to the tolerance.
+fn unconverged(solves: &[Solve], tolerance: f64) -> Option<String> {
+    let failed = || solves.iter().filter(|solve| !solve.converged);
+    let worst = failed().max_by(|a, b| a.residual.total_cmp(&b.residual))?;
+    Some(format!(
+        "{} of {} implicit steps did not converge to {tolerance:e}: at worst the step to t = {:.6} s, with a residual of {:.1e} after {} iterations",
+        failed().count(),
+        solves.len(),
+        worst.time_s,
+        worst.residual,
+        worst.iterations
+    ))
+}
+
 /// The files of a run.
 struct Keeper<'a> {
     problem: &'a Problem,
     writer: Writer,
-    csv: Option<(File, PathBuf)>,
+    csv: Option<Table>,
+    solver: Option<Table>,
     summary: Summary,
     last: Option<Particles>,
 }
@@ -148,15 +184,13 @@ impl<'a> Keeper<'a> {
         let (name, particles) = (&problem.name, problem.total_particles());
         let device = &backend.device;
         writer.log(Severity::Info, format!("{name}: {particles} particles on {device} ({})", backend.reason));
-        let csv = match &out.diagnostics {
-            None => None,
-            Some(path) => {
-                let mut file = File::create(path).map_err(RecordingError::io("create", path))?;
-                writeln!(file, "{}", Row::csv_header(problem)).map_err(RecordingError::io("write", path))?;
-                Some((file, path.clone()))
-            }
-        };
-        Ok(Self { problem, writer, csv, summary: Summary::default(), last: None })
+        let integrator = problem.integrator.name();
+        writer.log(Severity::Info, format!("{integrator} integration: {}", problem.integrator_reason));
+        let table =
+            |path: &Option<PathBuf>, header: String| path.as_ref().map(|p| Table::create(p, header)).transpose();
+        let csv = table(&out.diagnostics, Row::csv_header(problem))?;
+        let solver = table(&out.solver, SolverRow::csv_header())?;
+        Ok(Self { problem, writer, csv, solver, summary: Summary::default(), last: None })
     }
 
     /// Steps on this thread; measures and records each frame on another while the next one is computed.
@@ -196,9 +230,16 @@ impl<'a> Keeper<'a> {
             let message = format!("{} particles were alone on their nodes and were reset", stats.isolated_reset);
             self.writer.log(Severity::Warning, message);
         }
-        self.writer.frame(problem, &particles, &row)?;
-        if let Some((file, path)) = &mut self.csv {
-            writeln!(file, "{}", row.csv()).map_err(RecordingError::io("write", path))?;
+        if let Some(message) = unconverged(&stats.solves, problem.implicit.tolerance) {
+            self.writer.log(Severity::Warning, message);
+        }
+        let steps = SolverRow::of_frame(frame, self.summary.steps, &stats.solves);
+        self.writer.frame(problem, &particles, &row, &steps)?;
+        if let Some(table) = &mut self.csv {
+            table.line(&row.csv())?;
+        }
+        if let Some(table) = &mut self.solver {
+            steps.iter().try_for_each(|step| table.line(&step.csv()))?;
         }
         self.last = Some(particles);
         self.summary = Summary { frames_written: frame + 1, steps: self.summary.steps + stats.steps, time_s };

@@ -122,6 +122,8 @@ impl Bench {
             particles: 64,
             frames: 4,
             end_time_s: 0.3,
+            integrator: "explicit".into(),
+            integrator_reason: "it is a test".into(),
             idempotency_key: None,
             request_sha256: String::new(),
         };
@@ -229,6 +231,8 @@ async fn a_scene_that_this_version_does_not_accept_fails_with_its_faults() {
         particles: 64,
         frames: 4,
         end_time_s: 0.3,
+        integrator: "explicit".into(),
+        integrator_reason: "it is a test".into(),
         idempotency_key: None,
         request_sha256: String::new(),
     };

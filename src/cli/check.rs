@@ -10,10 +10,10 @@ use serde_json::json;
 
 use super::CliError;
 use super::device::DeviceArguments;
-use super::run::load;
+use super::run::{integration, load};
 use crate::backend::Devices;
 use crate::engine::{Backend, Control, EngineError};
-use crate::scene::estimate::{Estimate, Limit, estimate};
+use crate::scene::estimate::{Estimate, Integration, Limit, estimate};
 use crate::sim::problem::Problem;
 
 /// Wall time of a calibration (s); a device gets as much again to warm up.
@@ -129,6 +129,15 @@ fn text(problem: &Problem, estimate: &Estimate, speed: &Speed) -> String {
             format!("{} cells of {} m, {} active blocks", cells.join(" × "), problem.dx, grouped(estimate.blocks)),
         ),
         ("memory", memory),
+        ("integrator", integration(problem)),
+        (
+            "",
+            format!(
+                "{}; {}",
+                predicted("explicit", Some(&estimate.explicit)),
+                predicted("implicit", estimate.implicit.as_ref())
+            ),
+        ),
         ("step", format!("{:.3e} s, set by {}", estimate.dt_s, estimate.dt_reason)),
         ("then", runners_up(estimate)),
         (
@@ -150,6 +159,19 @@ fn text(problem: &Problem, estimate: &Estimate, speed: &Speed) -> String {
         text += &format!("  {label:<10} {value}\n");
     }
     text
+}
+
+/// What one way to integrate is predicted to cost.
+fn predicted(name: &str, cost: Option<&Integration>) -> String {
+    match cost {
+        Some(cost) => format!(
+            "{name}: {} steps of {:.1e} s, about {} on two cores",
+            grouped(cost.steps),
+            cost.dt_s,
+            duration(cost.two_cores_s)
+        ),
+        None => format!("{name}: not with these materials"),
+    }
 }
 
 /// What would rule if the ruling bound were relaxed.

@@ -29,6 +29,9 @@ pub struct Arguments {
     /// Also write the diagnostics, a row a frame.
     #[arg(long, value_name = "OUT.csv")]
     diagnostics: Option<PathBuf>,
+    /// Also write how the implicit integrator fared, a row a step.
+    #[arg(long, value_name = "OUT.csv")]
+    solver_diagnostics: Option<PathBuf>,
     /// Stop after this many frames.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
@@ -51,6 +54,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         recording: arguments.output.unwrap_or_else(|| default_output(&arguments.scene)),
         thumbnail: None,
         diagnostics: arguments.diagnostics,
+        solver: arguments.solver_diagnostics,
     };
     let device_failure = |error: EngineError| CliError::BadInput(error.to_string());
     let devices =
@@ -59,6 +63,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let backend = engine.backend().clone();
     let particles = problem.total_particles();
     eprintln!("{}: {particles} particles, {} frames; {}", scene.name, problem.frames, describe(&backend));
+    eprintln!("{}", integration(&problem));
 
     let interrupted = interrupt::flag().map_err(|error| CliError::Failed(error.to_string()))?;
     let started = Instant::now();
@@ -78,6 +83,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         let report = json!({
             "recording": outputs.recording,
             "diagnostics": outputs.diagnostics,
+            "solver_diagnostics": outputs.solver,
             "particles": particles,
             "frames_written": summary.frames_written,
             "steps": summary.steps,
@@ -85,6 +91,8 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
             "wall_s": wall_s,
             "particle_steps_per_s": speed,
             "backend": backend,
+            "integrator": problem.integrator,
+            "integrator_reason": problem.integrator_reason,
         });
         println!("{report:#}");
     } else {
@@ -125,6 +133,11 @@ fn default_output(scene: &Path) -> PathBuf {
 /// Which device runs, and why.
 pub fn describe(backend: &Backend) -> String {
     format!("on {} ({}): {}", backend.device, backend.kind, backend.reason)
+}
+
+/// How the problem is integrated, and why.
+pub fn integration(problem: &Problem) -> String {
+    format!("{}: {}", problem.integrator.name(), problem.integrator_reason)
 }
 
 /// A bar on standard error; nothing when that is not a terminal.

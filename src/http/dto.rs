@@ -49,6 +49,10 @@ pub struct Job {
     pub queue_position: Option<i64>,
     pub particles: u64,
     pub progress: Progress,
+    /// How the job is integrated: `explicit` or `implicit`.
+    pub integrator: String,
+    /// Why, in a sentence.
+    pub integrator_reason: String,
     /// What the attempt runs on; null before it has started.
     #[schema(required)]
     pub backend: Option<Backend>,
@@ -156,6 +160,21 @@ pub struct DiagnosticsQuery {
     #[param(inline)]
     #[serde(default)]
     pub format: DiagnosticsFormat,
+    /// `frame` by default.
+    #[param(inline)]
+    #[serde(default)]
+    pub per: DiagnosticsPer,
+}
+
+/// What a row of diagnostics is of.
+#[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum DiagnosticsPer {
+    /// A frame: energies, momenta and extremes.
+    #[default]
+    Frame,
+    /// A step of the implicit integrator: iterations and residual.
+    Step,
 }
 
 #[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
@@ -166,10 +185,10 @@ pub enum DiagnosticsFormat {
     Csv,
 }
 
-/// The diagnostics of the frames so far.
+/// The diagnostics of the frames, or of the implicit steps, so far.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Diagnostics {
-    /// One object a frame, frame 0 included; keys as the columns of the CSV.
+    /// One object a frame, frame 0 included, or a step; keys as the columns of the CSV.
     #[schema(value_type = Vec<Object>)]
     pub rows: Vec<serde_json::Value>,
 }
@@ -194,6 +213,15 @@ pub struct Estimate {
     /// Device memory of a run on a GPU; null when GPUs cannot run the scene.
     #[schema(required)]
     pub device_memory_bytes: Option<u64>,
+    /// How the run is integrated: `explicit` or `implicit`.
+    pub integrator: String,
+    /// Why, in a sentence.
+    pub integrator_reason: String,
+    /// What explicit integration is predicted to cost.
+    pub explicit: Integration,
+    /// What implicit integration is predicted to cost; null where a material has none.
+    #[schema(required)]
+    pub implicit: Option<Integration>,
     /// Step at time 0 (s).
     pub dt_s: f64,
     /// Stable name of the rule that set the step.
@@ -211,6 +239,24 @@ pub struct Estimate {
     pub particle_steps: f64,
     /// Simulated time at the end (s).
     pub end_time: f64,
+}
+
+/// One way to integrate a run, and its predicted cost.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Integration {
+    /// Step at time 0 (s).
+    pub dt_s: f64,
+    /// Steps of the whole run, if the step stays as it is.
+    pub steps: u64,
+    /// Wall time that is typical of two cores of a server; the ratio of both ways holds for other devices.
+    pub two_cores_s: f64,
+}
+
+impl From<scene::estimate::Integration> for Integration {
+    fn from(integration: scene::estimate::Integration) -> Self {
+        let scene::estimate::Integration { dt_s, steps, two_cores_s } = integration;
+        Self { dt_s, steps, two_cores_s }
+    }
 }
 
 /// A rule of the step, and what it allows.
@@ -239,6 +285,10 @@ impl From<scene::estimate::Estimate> for Estimate {
             blocks: estimate.blocks,
             host_memory_bytes: estimate.host_memory_bytes,
             device_memory_bytes: estimate.device_memory_bytes,
+            integrator: estimate.integrator.name().into(),
+            integrator_reason: estimate.integrator_reason,
+            explicit: estimate.explicit.into(),
+            implicit: estimate.implicit.map(Into::into),
             dt_s: estimate.dt_s,
             dt_bound: estimate.dt_bound,
             dt_reason: estimate.dt_reason,
@@ -332,6 +382,8 @@ impl From<store::Job> for Job {
             queue_position: job.queue_position,
             particles: job.particles,
             progress,
+            integrator: job.integrator,
+            integrator_reason: job.integrator_reason,
             backend: job.backend.map(Into::into),
             failure: job.failure.map(|failure| Failure { code: failure.code, message: failure.message }),
         }

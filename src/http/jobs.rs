@@ -46,6 +46,8 @@ pub async fn submit(
         particles: admitted.problem.total_particles() as u64,
         frames: u64::from(admitted.problem.frames) + 1,
         end_time_s: f64::from(admitted.problem.frames) * admitted.problem.frame_s,
+        integrator: admitted.problem.integrator.name().into(),
+        integrator_reason: admitted.problem.integrator_reason,
         idempotency_key,
         request_sha256,
     })

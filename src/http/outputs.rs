@@ -14,7 +14,7 @@ use tokio::io::{AsyncReadExt, AsyncSeekExt, SeekFrom};
 use tokio_util::io::ReaderStream;
 use uuid::Uuid;
 
-use super::dto::{self, Diagnostics, DiagnosticsFormat, DiagnosticsQuery};
+use super::dto::{self, Diagnostics, DiagnosticsFormat, DiagnosticsPer, DiagnosticsQuery};
 use super::extract::{JobId, Query};
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
@@ -107,7 +107,8 @@ pub async fn thumbnail(
     file.send(&method, &headers).await?.ok_or_else(|| missing("thumbnail", status))
 }
 
-/// Energies, momenta, mass and time steps, one row a frame; those of a running job so far.
+/// Energies, momenta, mass and time steps, one row a frame; with `per=step` how the implicit integrator fared, one row a step (none for an
+/// explicit run). Those of a running job so far.
 #[utoipa::path(get, path = "/v1/jobs/{id}/diagnostics", tag = "outputs",
     params(("id" = Uuid, Path), DiagnosticsQuery),
     responses(
@@ -123,7 +124,11 @@ pub async fn diagnostics(
     Query(query): Query<DiagnosticsQuery>,
 ) -> Result<Response, Problem> {
     let (files, status) = find(&api, id).await?;
-    let csv = found(tokio::fs::read_to_string(files.diagnostics()).await)?;
+    let path = match query.per {
+        DiagnosticsPer::Frame => files.diagnostics(),
+        DiagnosticsPer::Step => files.solver(),
+    };
+    let csv = found(tokio::fs::read_to_string(path).await)?;
     let mut csv = csv.ok_or_else(|| missing("diagnostics", status))?;
     // A line that is still being written is not a row yet.
     csv.truncate(csv.rfind('\n').map_or(0, |end| end + 1));
@@ -133,7 +138,7 @@ pub async fn diagnostics(
     })
 }
 
-/// CSV of numbers to JSON. What is not a finite number is null.
+/// CSV of numbers and flags to JSON. What is neither a flag nor a finite number is null.
 fn rows(csv: &str) -> Vec<serde_json::Value> {
     let mut lines = csv.lines();
     let columns: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();

@@ -113,6 +113,7 @@ fn execute(
         recording: files.recording(),
         thumbnail: Some(files.thumbnail()),
         diagnostics: Some(files.diagnostics()),
+        solver: Some(files.solver()),
     };
     run::run(&scene, &problem, engine.as_mut(), &outputs, watch)?;
     Ok(())

@@ -1,4 +1,4 @@
-//! [`Row`] as the protobuf message of `api/gridfall_diagnostics.proto`.
+//! [`Row`] and [`SolverRow`] as the protobuf messages of `api/gridfall_diagnostics.proto`.
 //!
 //! Field numbers are column positions from 1, so columns may only be added at the end; the surfaces, of which each scene has its
 //! own, are a repeated field far behind. A test compares with the file.
@@ -7,12 +7,15 @@ use prost::Message;
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
 
-use crate::sim::diagnostics::{Row, Value};
+use crate::sim::diagnostics::{Row, SolverRow, Value};
 
-/// Full name of the message.
+/// Full name of the message of a frame.
 pub const SCHEMA_NAME: &str = "gridfall.Diagnostics";
 
-/// The message's schema as MCAP wants it.
+/// Full name of the message of an implicit step.
+pub const SOLVER_SCHEMA_NAME: &str = "gridfall.SolverStep";
+
+/// The schema of both messages as MCAP wants it.
 pub fn schema() -> Vec<u8> {
     descriptor_set().encode_to_vec()
 }
@@ -43,10 +46,6 @@ struct ReactionMessage {
 }
 
 fn descriptor_set() -> FileDescriptorSet {
-    let types = Row::default().values().map(|value| match value {
-        Value::Count(_) => Type::Uint64,
-        Value::Real(_) => Type::Double,
-    });
     let field = |((name, kind), number): ((&&str, Type), i32)| FieldDescriptorProto {
         name: Some(name.to_string()),
         json_name: Some(json_name(name)),
@@ -60,6 +59,16 @@ fn descriptor_set() -> FileDescriptorSet {
         type_name: Some(".gridfall.Reaction".into()),
         ..field(((&"reactions", Type::Message), REACTIONS as i32))
     };
+    let columns = |names: &'static [&str], values: &[Value]| -> Vec<FieldDescriptorProto> {
+        let types = values.iter().map(|value| match value {
+            Value::Count(_) => Type::Uint64,
+            Value::Real(_) => Type::Double,
+            Value::Flag(_) => Type::Bool,
+        });
+        names.iter().zip(types).zip(1..).map(field).collect()
+    };
+    let frame = columns(Row::COLUMNS, &Row::default().values());
+    let step = columns(SolverRow::COLUMNS, &SolverRow::default().values());
     let quantities = QUANTITIES.iter().map(|name| (name, Type::Double));
     let reaction = [(&"name", Type::String)].into_iter().chain(quantities).zip(1..).map(field).collect();
     FileDescriptorSet {
@@ -69,10 +78,11 @@ fn descriptor_set() -> FileDescriptorSet {
             message_type: vec![
                 DescriptorProto {
                     name: Some("Diagnostics".into()),
-                    field: Row::COLUMNS.iter().zip(types).zip(1..).map(field).chain([reactions]).collect(),
+                    field: frame.into_iter().chain([reactions]).collect(),
                     ..Default::default()
                 },
                 DescriptorProto { name: Some("Reaction".into()), field: reaction, ..Default::default() },
+                DescriptorProto { name: Some("SolverStep".into()), field: step, ..Default::default() },
             ],
             syntax: Some("proto3".into()),
             ..Default::default()
@@ -93,15 +103,27 @@ fn json_name(name: &str) -> String {
     camel
 }
 
-/// The row as a protobuf message.
-pub fn encode(row: &Row) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(16 * Row::COLUMNS.len());
-    for (value, number) in row.values().into_iter().zip(1..) {
+/// A step as a protobuf message.
+pub fn encode_solver(row: &SolverRow) -> Vec<u8> {
+    encode_values(&row.values())
+}
+
+/// Values as the fields from number 1.
+fn encode_values(values: &[Value]) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(16 * values.len());
+    for (value, number) in values.iter().zip(1..) {
         match value {
-            Value::Count(n) => prost::encoding::uint64::encode(number, &n, &mut bytes),
-            Value::Real(x) => prost::encoding::double::encode(number, &x, &mut bytes),
+            Value::Count(n) => prost::encoding::uint64::encode(number, n, &mut bytes),
+            Value::Real(x) => prost::encoding::double::encode(number, x, &mut bytes),
+            Value::Flag(flag) => prost::encoding::bool::encode(number, flag, &mut bytes),
         }
     }
+    bytes
+}
+
+/// The row as a protobuf message.
+pub fn encode(row: &Row) -> Vec<u8> {
+    let mut bytes = encode_values(&row.values());
     for (surface, reaction) in &row.reactions {
         let ([force_x, force_y, force_z], [torque_x, torque_y, torque_z]) = (reaction.force, reaction.torque);
         let name = surface.name.clone();

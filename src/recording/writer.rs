@@ -19,7 +19,7 @@ use super::points::Points;
 use super::{RecordingError, colliders, diagnostics, partial_path, publish};
 use crate::engine::Backend;
 use crate::provenance;
-use crate::sim::diagnostics::Row;
+use crate::sim::diagnostics::{Row, SolverRow};
 use crate::sim::particles::Particles;
 use crate::sim::problem::Problem;
 
@@ -54,6 +54,7 @@ struct Channels {
     tf: u16,
     log: u16,
     camera: u16,
+    solver: u16,
     diagnostics: u16,
 }
 
@@ -120,11 +121,21 @@ impl Writer {
         }
     }
 
-    /// Adds a frame. When this returns, the frame has been handed to the operating system and survives this process.
+    /// Adds a frame and the implicit steps that led to it. When this returns, the frame has been handed to the operating system and survives this process.
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn frame(&mut self, problem: &Problem, particles: &Particles, row: &Row) -> Result<(), RecordingError> {
+    pub fn frame(
+        &mut self,
+        problem: &Problem,
+        particles: &Particles,
+        row: &Row,
+        steps: &[SolverRow],
+    ) -> Result<(), RecordingError> {
+        for step in steps {
+            self.now = (row.frame as u32, stamp(step.time_s).0);
+            self.bytes(self.channels.solver, &diagnostics::encode_solver(step))?;
+        }
         let (nanos, timestamp) = stamp(row.time_s);
         self.now = (row.frame as u32, nanos);
         let present = Some(colliders::present(problem, row.time_s));
@@ -215,6 +226,7 @@ fn add_channels(mcap: &mut mcap::Writer<NoSeek<BufWriter<File>>>) -> Result<Chan
         tf: add_foxglove("/tf", schema::<messages::FrameTransform>())?,
         log: add_foxglove("/log", schema::<Log>())?,
         camera: add_foxglove("/camera", schema::<CompressedImage>())?,
+        solver: add("/solver", diagnostics::SOLVER_SCHEMA_NAME, &diagnostics::schema())?,
         // The largest id, so that its index is the last one behind a chunk; see `recovery`.
         diagnostics: add("/diagnostics", diagnostics::SCHEMA_NAME, &diagnostics::schema())?,
     })
@@ -235,6 +247,8 @@ fn provenance_records(header: &Header, points: &Points) -> [(&'static str, BTree
         ("dimension", problem.dimension.to_string()),
         ("kernel", format!("{:?}", problem.kernel).to_lowercase()),
         ("transfer", format!("{:?}", problem.transfer).to_lowercase()),
+        ("integrator", problem.integrator.name().into()),
+        ("integrator_reason", problem.integrator_reason.clone()),
         ("dx_m", problem.dx.to_string()),
         ("frames", (u64::from(problem.frames) + 1).to_string()),
         ("frame_s", problem.frame_s.to_string()),

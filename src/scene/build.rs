@@ -4,11 +4,12 @@ use rayon::prelude::*;
 
 use super::build_motion::colliders;
 use super::sampling::Lattice;
-use super::schema::{self, Boundary, ContactKind, Integrator, Material, Sampling, Scene, Shape, Transfer};
+use super::schema::{self, Boundary, ContactKind, Material, Sampling, Scene, Shape, Transfer};
 use super::solid::{sdf, vector3};
 use super::sources;
 use crate::material::initial_plastic_state;
 use crate::sim::collider::{Sdf, rotate};
+use crate::sim::cost;
 use crate::sim::moments::moment_matrix;
 use crate::sim::particles::{IDENTITY, Particles};
 use crate::sim::problem::{Axis, Body, Contact, Problem};
@@ -68,10 +69,8 @@ pub(super) fn build(scene: &Scene) -> Problem {
         precision: scene.solver.precision,
         cfl: scene.solver.cfl,
         max_dt_s: scene.solver.max_dt,
-        integrator: match scene.solver.integrator {
-            Integrator::Auto => Integrator::Explicit,
-            chosen => chosen,
-        },
+        integrator: scene.solver.integrator,
+        integrator_reason: String::new(),
         implicit: scene.solver.implicit,
         frames: sources::frames(scene),
         frame_s: 1.0 / scene.time.frame_rate,
@@ -91,6 +90,7 @@ pub(super) fn build(scene: &Scene) -> Problem {
         problem.bodies.push(Body { name: source.name.clone(), material, particles: none..none, volume0, mass });
         problem.sources.push(built);
     }
+    (problem.integrator, problem.integrator_reason) = cost::choose(&problem, scene.solver.integrator);
     problem
 }
 

@@ -3,11 +3,15 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::sim::problem::{Axis, Kernel, Material, Problem};
-use crate::sim::timestep::{Bound, Extremes, initial_extremes, limits, plan_frame};
+use crate::sim::cost::{self, Prediction};
+use crate::sim::problem::{Axis, Integrator, Kernel, Material, Problem};
+use crate::sim::timestep::Bound;
 
 /// Host memory a particle (bytes): its state in the problem, in the CPU engine while it is binned anew, and in a snapshot.
 pub(super) const HOST_BYTES_PER_PARTICLE: u64 = 1024;
+/// Host memory a particle (bytes) of the implicit integrator's matrices at 8 particles a cell: two nodes a cell at a body's size, 125 blocks of
+/// 9 f64 a node, and the coarser levels.
+const MATRIX_BYTES_PER_PARTICLE: u64 = 3072;
 /// Device memory a particle (bytes) without its deformation: two positions, binning, the frame's positions and velocities.
 const DEVICE_BYTES_PER_PARTICLE: u64 = 112;
 /// Copies of the deformation on the device.
@@ -33,6 +37,15 @@ pub struct Estimate {
     /// Device memory of a run on a GPU (bytes); absent when the scene needs what GPUs here do not do.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device_memory_bytes: Option<u64>,
+    /// How the run is integrated: explicit or implicit.
+    pub integrator: Integrator,
+    /// Why, in a sentence.
+    pub integrator_reason: String,
+    /// What explicit integration is predicted to cost.
+    pub explicit: Integration,
+    /// What implicit integration is predicted to cost; absent where a material has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub implicit: Option<Integration>,
     /// Step at time 0 (s).
     pub dt_s: f64,
     /// Stable name of the rule that set the step.
@@ -63,46 +76,68 @@ pub struct Limit {
     pub dt_s: f64,
 }
 
-fn dt_limits(problem: &Problem, extremes: &Extremes) -> Vec<Limit> {
-    let mut limits = limits(problem, extremes, problem.frame_s);
-    limits.retain(|limit| limit.0.is_finite());
-    limits.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let limit = |(dt_s, bound): (f64, Bound)| {
+/// One way to integrate a run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Integration {
+    /// Step at time 0 (s).
+    pub dt_s: f64,
+    /// Steps of the whole run, if the step stays as it is.
+    pub steps: u64,
+    /// Wall time that is typical of two cores of a server (s); the ratio of both ways holds for other devices.
+    pub two_cores_s: f64,
+}
+
+impl Integration {
+    fn of(prediction: &Prediction) -> Self {
+        Self { dt_s: prediction.plan.dt_s, steps: prediction.steps, two_cores_s: prediction.two_cores_s }
+    }
+}
+
+fn dt_limits(problem: &Problem, limits: &[(f64, Bound)]) -> Vec<Limit> {
+    let limit = |&(dt_s, bound): &(f64, Bound)| {
         let body = bound.body().map(|body| problem.bodies[body].name.clone());
         Limit { rule: bound.name(), body, dt_s }
     };
-    limits.into_iter().map(limit).collect()
+    limits.iter().map(limit).collect()
 }
 
 /// Costs a problem.
 pub fn estimate(problem: &Problem) -> Estimate {
-    let extremes = initial_extremes(problem);
-    let plan = plan_frame(problem, &extremes, problem.frame_s);
+    let (explicit, implicit) = (cost::explicit(problem), cost::implicit(problem));
+    let chosen = if problem.integrator == Integrator::Implicit { &implicit } else { &explicit };
+    let plan = chosen.plan;
     let particles = problem.total_particles() as u64;
     let blocks = active_blocks(problem) + emitted_blocks(problem);
-    let steps = plan.steps.saturating_mul(u64::from(problem.frames));
     Estimate {
         particles,
         cells: problem.cells,
         blocks,
-        host_memory_bytes: memory_bytes(particles, problem.cells.map(|n| n as u64)) + field_bytes(problem),
+        host_memory_bytes: memory_bytes(particles, problem.cells.map(|n| n as u64), problem.integrator)
+            + field_bytes(problem),
         device_memory_bytes: device_memory_bytes(problem, blocks),
+        integrator: problem.integrator,
+        integrator_reason: problem.integrator_reason.clone(),
+        explicit: Integration::of(&explicit),
+        implicit: cost::implicit_fault(problem).is_none().then(|| Integration::of(&implicit)),
         dt_s: plan.dt_s,
         dt_bound: plan.bound.name(),
         dt_reason: plan.bound.explain(problem),
-        dt_limits: dt_limits(problem, &extremes),
+        dt_limits: dt_limits(problem, &chosen.limits),
         steps_per_frame: plan.steps,
         frames: problem.frames,
-        steps,
-        particle_steps: particle_frames(problem) * plan.steps as f64,
+        steps: chosen.steps,
+        particle_steps: chosen.particle_steps,
         simulated_s: f64::from(problem.frames) * problem.frame_s,
     }
 }
 
 /// Host memory (bytes) of a run with so many particles on so large a grid; known before anything is allocated.
-pub(super) fn memory_bytes(particles: u64, cells: [u64; 3]) -> u64 {
+pub(super) fn memory_bytes(particles: u64, cells: [u64; 3], integrator: Integrator) -> u64 {
     let blocks = cells.iter().fold(1u64, |n, cells| n.saturating_mul(cells.div_ceil(4)));
-    particles.saturating_mul(HOST_BYTES_PER_PARTICLE).saturating_add(blocks.saturating_mul(TABLE_BYTES_PER_BLOCK))
+    let matrices = if integrator == Integrator::Implicit { MATRIX_BYTES_PER_PARTICLE } else { 0 };
+    particles
+        .saturating_mul(HOST_BYTES_PER_PARTICLE + matrices)
+        .saturating_add(blocks.saturating_mul(TABLE_BYTES_PER_BLOCK))
 }
 
 fn device_memory_bytes(problem: &Problem, blocks: u64) -> Option<u64> {
@@ -119,15 +154,6 @@ fn device_memory_bytes(problem: &Problem, blocks: u64) -> Option<u64> {
     let explicit = problem.dimension == 3 && problem.precision == crate::sim::problem::Precision::F32;
     let particles = problem.total_particles() as u64 * particle;
     explicit.then(|| particles + table * TABLE_BYTES_PER_BLOCK + nodes * NODE_BYTES + field_bytes(problem))
-}
-
-/// Particles summed over all frames, in each those that there are.
-fn particle_frames(problem: &Problem) -> f64 {
-    let emitted = problem.sources.iter().flat_map(|source| {
-        let frames = source.by_frame.iter().enumerate();
-        frames.map(|(frame, &n)| n as f64 * f64::from(problem.frames.saturating_sub(frame as u32)))
-    });
-    problem.particles.len() as f64 * f64::from(problem.frames) + emitted.sum::<f64>()
 }
 
 /// Blocks that sources will fill: the volume that they bring at rest, and as many beside it.

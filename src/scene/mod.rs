@@ -25,14 +25,15 @@ mod validate_material;
 mod validate_motion;
 mod validate_points;
 mod validate_shape;
+mod validate_solver;
 
 pub use fault::Fault;
 pub use schema::Scene;
 
 use serde_json::Value;
 
+use crate::sim::cost;
 use crate::sim::problem::Problem;
-use crate::sim::timestep::{initial_extremes, plan_frame};
 use assets::{Assets, NoAssets};
 use fault::Faults;
 
@@ -128,8 +129,7 @@ pub fn problem_with(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Resu
             faults.add(&at, "no_particles", "no random point fell into the shape", "make the shape larger or lower dx");
         }
     }
-    let plan = plan_frame(&problem, &initial_extremes(&problem), problem.frame_s);
-    let steps = plan.steps.saturating_mul(u64::from(problem.frames));
+    let cost::Prediction { plan, steps, .. } = cost::chosen(&problem);
     if steps > limits.max_steps {
         let reason = format!("the run takes {steps} steps of {:.2e} s; the limit is {}", plan.dt_s, limits.max_steps);
         let remedy = format!("end earlier, or lengthen the step, which is set by {}", plan.bound.explain(&problem));

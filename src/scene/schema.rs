@@ -330,8 +330,9 @@ pub struct Solver {
     /// Upper bound on the step (s).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_dt: Option<f64>,
+    /// Of the explicit integrator; the implicit one is f64 on the CPU and f32 on a GPU, which takes `f32` scenes only.
     pub precision: Precision,
-    /// Of the implicit integrator.
+    /// Settings of the implicit integrator.
     pub implicit: Implicit,
 }
 
@@ -352,10 +353,21 @@ impl Default for Solver {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Integrator {
-    /// Explicit or implicit, whichever is predicted to be faster.
+    /// Explicit or implicit, whichever is predicted to be faster; the estimate says why.
     Auto,
     Explicit,
     Implicit,
+}
+
+impl Integrator {
+    /// As scenes spell it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Explicit => "explicit",
+            Self::Implicit => "implicit",
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]

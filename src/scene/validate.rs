@@ -9,7 +9,7 @@ use super::estimate;
 use super::fault::{Faults, join, plain};
 use super::poisson;
 use super::sampling::Lattice;
-use super::schema::{Body, Boundary, ContactKind, Domain, Output, Sampling, Scene, Shape, Solver, Time};
+use super::schema::{Body, Boundary, ContactKind, Domain, Output, Sampling, Scene, Shape, Time};
 use super::solid::{sdf, vector3};
 use super::sources::check_source;
 use super::suggest::{closest, list, quote};
@@ -17,6 +17,7 @@ use super::validate_material::check_material;
 use super::validate_motion::check_colliders;
 use super::validate_points::check_points;
 use super::validate_shape::check_shape;
+use super::validate_solver::check_solver;
 
 /// Frames of one run at most.
 const MAX_FRAMES: f64 = 100_000.0;
@@ -52,7 +53,7 @@ pub fn check(scene: &Scene, limits: &Limits, faults: &mut Faults) {
     check.time(&scene.time);
     check.bodies();
     check_colliders(&mut check, scene);
-    check.solver(&scene.solver);
+    check_solver(&mut check, &scene.solver);
     check.output(&scene.output);
 }
 
@@ -260,7 +261,8 @@ impl Check<'_> {
             self.faults.add("/bodies", "too_many_particles", reason, remedy);
         } else if counted && self.has_grid() {
             let cells = cells(&scene.domain, self.dimension).map(|n| n.round() as u64);
-            let (bytes, limit) = (estimate::memory_bytes(total, cells), self.limits.max_memory_bytes);
+            let (bytes, limit) =
+                (estimate::memory_bytes(total, cells, scene.solver.integrator), self.limits.max_memory_bytes);
             if bytes > limit {
                 let reason = format!(
                     "{total} particles on {cells:?} cells take {} MiB; the limit is {}",
@@ -438,16 +440,6 @@ impl Check<'_> {
                 at(frames.ceil().max(2.0))
             );
             self.faults.add("/time/end", "not_whole_frames", reason, remedy);
-        }
-    }
-
-    fn solver(&mut self, solver: &Solver) {
-        if self.finite("/solver/cfl", solver.cfl) && !(solver.cfl > 0.0 && solver.cfl <= 1.0) {
-            let reason = format!("the CFL number is {}", solver.cfl);
-            self.faults.add("/solver/cfl", "out_of_range", reason, "write a number above 0 and up to 1");
-        }
-        if let Some(dt) = solver.max_dt {
-            self.positive("/solver/max_dt", dt, "the largest step");
         }
     }
 

@@ -2,6 +2,7 @@
 
 pub mod collider;
 pub mod contact;
+pub mod cost;
 pub mod diagnostics;
 pub mod divergence;
 pub mod kernel;

@@ -7,7 +7,7 @@ use super::particles::{IDENTITY, Particles};
 use super::source::Source;
 use crate::material::initial_plastic_state;
 pub use crate::scene::schema::{
-    CoarseSolve, ContactKind, Field, Implicit, Integrator, Kernel, Material, Precision, Smoother, Transfer,
+    CoarseSolve, ContactKind, Field, Implicit, Integrator, Kernel, Material, Method, Precision, Smoother, Transfer,
 };
 
 /// What a surface does to the material that meets it.
@@ -66,6 +66,8 @@ pub struct Problem {
     pub max_dt_s: Option<f64>,
     /// Explicit or implicit; what `auto` stands for has been decided.
     pub integrator: Integrator,
+    /// Why that one, in a sentence.
+    pub integrator_reason: String,
     pub implicit: Implicit,
     /// Frames after frame 0.
     pub frames: u32,

@@ -28,7 +28,7 @@ use crate::material;
 
 pub use plan::{
     Extremes, MAX_GROWTH, REPLAN, REPLAN_DEMAND, SHRINK, StepPlan, initial_extremes, limits, max_collider_speed_m_s,
-    plan_frame,
+    plan_frame, plan_steps,
 };
 
 /// Share of the elastic and viscous bounds that is used: they are sharp, and hold for small strain.

@@ -78,6 +78,11 @@ impl JobFiles {
         self.dir.join("diagnostics.csv")
     }
 
+    /// The steps of the implicit integrator.
+    pub fn solver(&self) -> PathBuf {
+        self.dir.join("solver.csv")
+    }
+
     pub fn thumbnail(&self) -> PathBuf {
         self.dir.join("thumbnail.png")
     }

@@ -88,6 +88,9 @@ pub struct NewJob {
     /// Frames to be written, frame 0 included.
     pub frames: u64,
     pub end_time_s: f64,
+    /// `explicit` or `implicit`, and why.
+    pub integrator: String,
+    pub integrator_reason: String,
     /// Client's key against accepting one request twice.
     pub idempotency_key: Option<String>,
     /// Hash of the request, to tell a repetition from another request under the same key.
@@ -112,6 +115,9 @@ pub struct Job {
     pub particles: u64,
     pub frames: u64,
     pub end_time_s: f64,
+    /// `explicit` or `implicit`, and why.
+    pub integrator: String,
+    pub integrator_reason: String,
     pub progress: Progress,
     pub backend: Option<Backend>,
     pub failure: Option<Failure>,

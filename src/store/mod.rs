@@ -143,7 +143,7 @@ impl JobStore {
         let id = Uuid::now_v7().to_string();
         sqlx::query(
             "INSERT INTO jobs (id, name, scene, idempotency_key, request_sha256, status, created_at, particles, frames, \
-             end_time_s) VALUES (?, ?, ?, ?, ?, 'queued', ?, ?, ?, ?)",
+             end_time_s, integrator, integrator_reason) VALUES (?, ?, ?, ?, ?, 'queued', ?, ?, ?, ?, ?, ?)",
         )
         .bind(&id)
         .bind(&new.name)
@@ -154,6 +154,8 @@ impl JobStore {
         .bind(new.particles as i64)
         .bind(new.frames as i64)
         .bind(new.end_time_s)
+        .bind(&new.integrator)
+        .bind(&new.integrator_reason)
         .execute(&mut *tx)
         .await?;
         let row: JobRow = sqlx::query_as(select_jobs!("WHERE id = ?")).bind(id).fetch_one(&mut *tx).await?;

@@ -15,6 +15,8 @@ fn new_job(name: &str) -> NewJob {
         particles: 10,
         frames: 3,
         end_time_s: 0.5,
+        integrator: "explicit".into(),
+        integrator_reason: "it is a test".into(),
         idempotency_key: None,
         request_sha256: name.into(),
     }

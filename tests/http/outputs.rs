@@ -125,6 +125,12 @@ fn diagnostics_are_rows_of_numbers_in_json_and_csv() {
     let columns: Vec<&str> = text.lines().next().unwrap().split(',').collect();
     assert_eq!(text.lines().count(), 7);
     assert!(columns.iter().all(|column| rows[0].get(column).is_some()), "{columns:?}");
+    // An explicit run has no implicit steps.
+    assert!(columns.contains(&"residual"));
+    let steps = server.get(&format!("{job}/diagnostics?per=step")).json();
+    assert_eq!(steps["rows"], json!([]));
+    let steps = server.get(&format!("{job}/diagnostics?per=step&format=csv"));
+    assert_eq!(String::from_utf8(steps.body).unwrap().lines().count(), 1);
 }
 
 #[test]

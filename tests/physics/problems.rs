@@ -55,6 +55,7 @@ pub fn empty(dimension: usize, cells: Vec3, dx: f64) -> Problem {
         cfl: 0.5,
         max_dt_s: None,
         integrator: Integrator::Explicit,
+        integrator_reason: String::new(),
         implicit: Implicit::default(),
         frames: 1,
         frame_s: 1.0 / 48.0,

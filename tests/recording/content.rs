@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use gridfall::engine::{Control, Engine};
 use gridfall::run::{Observer, run};
 use gridfall::scene::schema::Scene;
-use gridfall::sim::problem::Problem;
+use gridfall::sim::problem::{Integrator, Problem};
 use serde_json::{Value, json};
 
 use super::fixture::{Ballistic, Watch, messages, numbers, outputs, problem, python, record, scene};
@@ -143,6 +143,50 @@ fn diagnostics_agree_in_protobuf_and_csv() {
             let value = value.as_f64().unwrap_or_else(|| value.as_str().unwrap().parse().unwrap());
             assert_eq!(cell.parse::<f64>().unwrap(), value, "{column}");
         }
+    }
+}
+
+#[test]
+fn implicit_steps_are_recorded_at_their_time() {
+    let directory = tempfile::tempdir().unwrap();
+    let reason = "it is stiff".to_owned();
+    let problem = Problem { integrator: Integrator::Implicit, integrator_reason: reason, ..problem(0.1) };
+    let out = record(&problem, directory.path());
+    let recording = &python(&[], std::slice::from_ref(&out.recording))[0];
+    assert_eq!(recording["metadata"]["run"]["integrator"], "implicit");
+    assert_eq!(recording["metadata"]["run"]["integrator_reason"], "it is stiff");
+    let log: Vec<&str> =
+        messages(recording, "/log").iter().map(|line| line["content"]["message"].as_str().unwrap()).collect();
+    assert!(log.contains(&"implicit integration: it is stiff"), "{log:?}");
+    let warnings: Vec<_> = log.iter().filter(|line| line.contains("did not converge")).collect();
+    assert_eq!(warnings.len(), 5, "one for each frame of which a step did not converge");
+    assert!(warnings[1].contains("1 of 4") && warnings[1].contains("0.100000 s") && warnings[1].contains("1.6e-7"));
+
+    // The message, the CSV and the frame's row say the same.
+    let csv = std::fs::read_to_string(out.solver.unwrap()).unwrap();
+    let mut lines = csv.lines();
+    let columns: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let steps = messages(recording, "/solver");
+    assert_eq!((steps.len(), lines.clone().count()), (20, 20));
+    for ((n, step), line) in steps.iter().enumerate().zip(lines) {
+        assert_eq!(step["schema"], "gridfall.SolverStep");
+        assert_eq!(step["log_time"], 12_500_000 * (n + 1));
+        assert_eq!(step["content"].as_object().unwrap().len(), columns.len());
+        for (column, cell) in columns.iter().zip(line.split(',')) {
+            let value = &step["content"][column];
+            let text = value.as_str().map_or(value.to_string(), str::to_owned);
+            let same = cell == text || cell.parse::<f64>().unwrap() == text.parse::<f64>().unwrap();
+            assert!(same, "{column}: {cell} against {text}");
+        }
+        assert_eq!(step["content"]["step"], (n + 1).to_string());
+        assert_eq!(step["content"]["frame"], (n / 4 + 1).to_string());
+        assert_eq!(step["content"]["converged"], n % 4 != 3);
+    }
+    for (frame, row) in messages(recording, "/diagnostics").iter().enumerate() {
+        let (iterations, residual, halvings) = if frame == 0 { ("0", 0.0, "0") } else { ("10", 1.6e-7, "2") };
+        assert_eq!(row["content"]["iterations"], iterations);
+        assert_eq!(row["content"]["residual"], residual);
+        assert_eq!(row["content"]["halvings"], halvings);
     }
 }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use gridfall::engine::{Backend, Control, Engine, EngineError, FrameStats};
+use gridfall::engine::{Backend, Control, Engine, EngineError, FrameStats, Solve};
 use gridfall::run::{FrameReport, Observer, Outputs, run};
 use gridfall::scene::schema::Scene;
 use gridfall::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, SdfOp};
@@ -39,6 +39,25 @@ impl Ballistic {
     }
 }
 
+impl Ballistic {
+    /// What an implicit engine would say of the frame just done: its last step did not converge.
+    fn solves(&self, frame_s: f64) -> Vec<Solve> {
+        let dt_s = frame_s / STEPS as f64;
+        let solve = |n: u32| Solve {
+            time_s: self.time_s - f64::from(STEPS as u32 - n) * dt_s,
+            dt_s,
+            iterations: n,
+            inner_iterations: 10 * n,
+            residual: 1e-8 * f64::from(n * n),
+            halvings: n % 2,
+            levels: 3,
+            nonzeros: 1 << 40,
+            converged: n < STEPS as u32,
+        };
+        (1..=STEPS as u32).map(solve).collect()
+    }
+}
+
 impl Engine for Ballistic {
     fn backend(&self) -> &Backend {
         &self.backend
@@ -68,7 +87,7 @@ impl Engine for Ballistic {
             dt_s: frame_s / STEPS as f64,
             isolated_reset: self.frame % 2,
             reactions,
-            solves: Vec::new(),
+            solves: if self.problem.integrator == Integrator::Implicit { self.solves(frame_s) } else { vec![] },
         })
     }
 
@@ -196,6 +215,7 @@ pub fn problem(spacing: f64) -> Problem {
         cfl: 0.5,
         max_dt_s: None,
         integrator: Integrator::Explicit,
+        integrator_reason: String::new(),
         implicit: Implicit::default(),
         frames: 5,
         frame_s: 0.05,
@@ -210,6 +230,7 @@ pub fn outputs(directory: &Path) -> Outputs {
         recording: directory.join("out.mcap"),
         thumbnail: Some(directory.join("out.png")),
         diagnostics: Some(directory.join("out.csv")),
+        solver: Some(directory.join("solver.csv")),
     }
 }
 

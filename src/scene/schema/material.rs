@@ -30,6 +30,11 @@ impl Material {
         matches!(self, Self::WeaklyCompressibleFluid(_))
     }
 
+    /// Whether deformation is all stored, none of it plastic.
+    pub fn is_elastic(&self) -> bool {
+        matches!(self, Self::FixedCorotated(_) | Self::NeoHookean(_) | Self::StvkHencky(_))
+    }
+
     /// Whether particles carry a scalar of plastic state beside F.
     pub fn has_plastic_state(&self) -> bool {
         matches!(self, Self::DruckerPrager(_) | Self::Nacc(_) | Self::Snow(_))

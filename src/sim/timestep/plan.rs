@@ -56,8 +56,12 @@ impl StepPlan {
 /// Particles must not move more than `cfl` dx in a step: dt ≤ cfl dx / (|v| + √d dx ‖C‖) (Sun, Shinar & Schroeder 2020), with what gravity
 /// adds to |v| within the frame, and no less than the fastest collider.
 pub fn plan_frame(problem: &Problem, extremes: &Extremes, frame_s: f64) -> StepPlan {
-    let limits = limits(problem, extremes, frame_s);
-    let (dt_max, bound) = limits.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("there are limits");
+    plan_steps(&limits(problem, extremes, frame_s), frame_s)
+}
+
+/// Divides `frame_s` into the fewest equal steps that no limit (s) forbids; there must be a limit.
+pub fn plan_steps(limits: &[(f64, Bound)], frame_s: f64) -> StepPlan {
+    let &(dt_max, bound) = limits.iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("there are limits");
     // A hair of slack, so that a frame of exactly n steps does not become n + 1.
     let steps = ((frame_s / dt_max) * (1.0 - 1e-12)).ceil().max(1.0) as u64;
     StepPlan { dt_s: frame_s / steps as f64, steps, bound }
