@@ -6,6 +6,7 @@
 mod boundaries;
 mod forced;
 mod granular;
+mod implicit;
 mod kernels;
 mod moduli;
 mod motion;
@@ -52,6 +53,10 @@ pub const CASES: &[Case] = &[
     single_particle::SINGLE_PARTICLE,
     boundaries::SPINNING_DISK,
     boundaries::COLLISIONS,
+    implicit::IMPLICIT_BAR,
+    implicit::IMPLICIT_CONVERGENCE,
+    implicit::IMPLICIT_CANTILEVER,
+    implicit::IMPLICIT_YIELD,
     stiffness_sweep::STIFFNESS_SWEEP,
     kernels::STICKY_FLOOR,
     kernels::HOLLOW_CYLINDER,

@@ -3,6 +3,7 @@
 mod conservation;
 mod contact;
 mod elastic;
+mod implicit;
 mod one_step;
 mod prescribed;
 mod problems;
