@@ -1,5 +1,7 @@
 //! Named benchmark cases and their measurement: warm-up, then the median of several frames on one engine.
 
+pub mod implicit;
+
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};

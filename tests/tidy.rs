@@ -16,7 +16,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("backend", &["engine", "sim", "implicit", "cpu", "gpu"]),
     ("recording", &["engine", "sim", "material", "scene", "provenance"]),
     ("run", &["engine", "sim", "scene", "recording", "provenance"]),
-    ("bench", &["backend", "engine", "implicit", "cpu", "gpu", "scene", "sim", "provenance"]),
+    ("bench", &["backend", "engine", "implicit", "cpu", "gpu", "run", "scene", "sim", "provenance"]),
     ("verify", &["backend", "engine", "implicit", "cpu", "gpu", "scene", "sim"]),
     ("store", &["engine", "scene", "sim", "run"]),
     ("jobs", &["store", "run", "backend", "engine", "scene", "sim", "recording", "provenance"]),

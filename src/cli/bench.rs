@@ -1,19 +1,22 @@
-//! `gridfall bench`: the named cases, or a scene, as a table or JSON.
+//! `gridfall bench`: the named cases, or a scene, as a table or JSON; `bench implicit` compares implicit methods.
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, Subcommand};
 use serde::de::DeserializeOwned;
 
-use super::CliError;
 use super::device::DeviceArguments;
+use super::{CliError, bench_implicit};
 use crate::backend::Devices;
 use crate::bench::{self, BenchError, CASES, Row, Size};
 use crate::sim::problem::{Kernel, Precision};
 
 /// Measure speed: particle-steps a second, GPU time per stage, share of the memory bandwidth.
 #[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true)]
 pub struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
     /// Scene file to measure instead of the named cases.
     scene: Option<PathBuf>,
     /// Sizes of the named cases (small, medium, large); default: all on a real GPU, else small and medium.
@@ -32,12 +35,20 @@ pub struct Arguments {
     device: DeviceArguments,
 }
 
+#[derive(Debug, Subcommand)]
+enum Command {
+    Implicit(bench_implicit::Arguments),
+}
+
 /// Reads a name as scenes spell it.
-fn named<T: DeserializeOwned>(name: &str) -> Result<T, String> {
+pub(super) fn named<T: DeserializeOwned>(name: &str) -> Result<T, String> {
     serde_json::from_value(serde_json::Value::String(name.into())).map_err(|e| e.to_string())
 }
 
 pub fn execute(arguments: Arguments) -> Result<(), CliError> {
+    if let Some(Command::Implicit(arguments)) = arguments.command {
+        return bench_implicit::execute(arguments);
+    }
     let devices = Devices::open(arguments.device.choice(), arguments.device.adapter.as_deref())
         .map_err(|e| CliError::BadInput(e.to_string()))?;
     let mut rows = Vec::new();
@@ -99,6 +110,6 @@ fn print(row: &Row) {
 }
 
 /// A name as scenes spell it.
-fn name(value: &impl serde::Serialize) -> String {
+pub(super) fn name(value: &impl serde::Serialize) -> String {
     serde_json::to_value(value).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
 }

@@ -2,6 +2,7 @@
 
 mod adapters;
 mod bench;
+mod bench_implicit;
 mod check;
 mod demo;
 mod device;

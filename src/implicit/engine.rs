@@ -50,7 +50,7 @@ impl ImplicitEngine {
         if particles > (u32::MAX / 64) as usize {
             return Err(EngineError::Capacity(format!("{particles} particles; the implicit engine counts to 2^26")));
         }
-        if problem.materials.iter().any(|material| material.is_fluid()) {
+        if problem.bodies.iter().any(|body| problem.materials[body.material].is_fluid()) {
             return Err(EngineError::Unsupported("fluids are integrated explicitly".into()));
         }
         Ok(Self {

@@ -56,6 +56,21 @@ pub enum Method {
     Admm,
 }
 
+impl Method {
+    pub const ALL: [Self; 10] = [
+        Self::Hot,
+        Self::HotQuadratic,
+        Self::PnPcg,
+        Self::PnPcgMf,
+        Self::PnPcgSgs,
+        Self::PnMgpcg,
+        Self::LbfgsH,
+        Self::LbfgsGmg,
+        Self::Gast15,
+        Self::Admm,
+    ];
+}
+
 /// The smoother of the V-cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
