@@ -53,7 +53,8 @@ def lines(found, out, case, title, x, y, scale=1.0, log=False):
     for name, columns in found.items():
         (first, time), *rest = columns.items()
         for label, values in rest:
-            text = label.rsplit("_m", 1)[0] if len(found) == 1 else f"{name} {label.rsplit('_m', 1)[0]}"
+            quantity = label.rsplit("_m", 1)[0]
+            text = quantity if len(found) == 1 else name if len(rest) == 1 else f"{name} {quantity}"
             style = "k--" if label in ("exact_m", "free_m", "expected_m") else "-"
             axes.plot(time, [scale * v for v in values], style, label=text.replace("_", " "), linewidth=1.2)
     if log:
@@ -78,6 +79,18 @@ def ratios(rows, out):
     axes.set(title="Largest stable step of a periodic box", xlabel="got against expected (%)", xlim=(-2.2, 2.2))
     axes.grid(alpha=0.3)
     save(plot, axes, out / "von-neumann.png")
+
+
+def convergence(found, out):
+    """Distance of implicit runs from an explicit one by their number of steps, in two logarithms."""
+    if not found:
+        return
+    plot, axes = figure("Three eighths of a swing of a bar: implicit against explicit", "steps", "rms distance / length")
+    for name, columns in found.items():
+        axes.loglog(columns["steps"], columns["position_error_over_length"], "o-", label=name, linewidth=1.2)
+    last = columns["position_error_over_length"][-1] * columns["steps"][-1]
+    axes.loglog(columns["steps"], [last / n for n in columns["steps"]], "k--", label="first order", linewidth=1.0)
+    save(plot, axes, out / "implicit-convergence.png")
 
 
 def number(value):
@@ -111,6 +124,8 @@ def main():
     lines(curves(directory, "sticky-floor"), out, "sticky-floor", "Jelly cube on a sticky floor: height of its roof", seconds, "height (m)")
     lines(curves(directory, "hollow-cylinder"), out, "hollow-cylinder", "Ball in a hollow cylinder: way fallen", seconds, "way (m)")
     lines(curves(directory, "granular-column"), out, "granular-column", "Collapse of a granular column", "aspect ratio", "run-out / initial length")
+    lines(curves(directory, "implicit-cantilever"), out, "implicit-cantilever", "Cantilever, implicit Euler", seconds, "tip deflection (m)")
+    convergence(curves(directory, "implicit-convergence"), out)
     table(report)
 
 
