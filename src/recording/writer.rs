@@ -262,7 +262,7 @@ fn provenance_records(header: &Header, points: &Points) -> [(&'static str, BTree
         ("driver", backend.driver.clone()),
         ("software", backend.software.to_string()),
         ("reason", backend.reason.clone()),
-        ("precision", format!("{:?}", problem.precision).to_lowercase()),
+        ("precision", format!("{:?}", problem.precision_on(&backend.kind)).to_lowercase()),
         ("seed", problem.seed.to_string()),
         ("scene_sha256", hash),
     ]);

@@ -84,6 +84,11 @@ impl Problem {
         self.particles.len() + self.sources.iter().map(Source::total).sum::<u64>() as usize
     }
 
+    /// What a backend of this kind (`cpu` or `gpu`) computes in: the implicit integrator on the CPU knows f64 alone.
+    pub fn precision_on(&self, backend: &str) -> Precision {
+        if self.integrator == Integrator::Implicit && backend == "cpu" { Precision::F64 } else { self.precision }
+    }
+
     /// What the sources put in at the start of a frame; frame 0 begins at time 0. Their ids follow those that are there.
     pub fn emission(&self, frame: u32) -> Particles {
         let mut new = Particles::default();
