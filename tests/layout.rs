@@ -2,6 +2,8 @@
 
 use std::mem::offset_of;
 
+use gridfall::gpu::implicit::linear::kernels::{self, Kernel as Linear};
+use gridfall::gpu::implicit::linear::layout as linear;
 use gridfall::gpu::implicit::{layout as implicit, shaders};
 use gridfall::gpu::layout;
 use gridfall::gpu::shaders::{Stage, source};
@@ -21,6 +23,10 @@ fn parse(stage: Stage, kernel: Kernel) -> naga::Module {
     parse_text(&format!("{} ({kernel:?})", stage.name()), &source(stage, kernel))
 }
 
+fn parse_linear(stage: Linear, kernel: Kernel) -> naga::Module {
+    parse_text(&format!("{} ({kernel:?})", stage.name()), &kernels::source(stage, kernel))
+}
+
 #[test]
 fn every_stage_is_valid_for_both_kernels() {
     for kernel in [Kernel::Compact, Kernel::Quadratic] {
@@ -32,6 +38,9 @@ fn every_stage_is_valid_for_both_kernels() {
             validate(stage.name(), &parse_text(stage.name(), &text));
             let buffers = shaders::used(&text).len();
             assert!(buffers <= 32, "{} names {buffers} buffers", stage.name());
+        }
+        for &stage in Linear::ALL {
+            validate(stage.name(), &parse_linear(stage, kernel));
         }
     }
     for (name, text) in shaders::SCAN {
@@ -72,19 +81,27 @@ fn shared_structs_agree() {
     twin!(m, implicit, Status: error, error_particle, max_shift, max_speed, blocks, rows, rubbing, spare);
     twin!(m, implicit, Sweep: r0, r1, r2);
     twin!(m, implicit, Touch: normal, velocity, arm, impulse);
+    let m = parse_linear(Linear::GaussSeidel, Kernel::Compact);
+    twin!(m, linear, Level: low, rows, blocks, stride, period, grids, groups, degree, range, sliding, factor, spare);
+    twin!(m, linear, Colour: colour, half, counts, spare);
+    let m = parse_linear(Linear::Decide, Kernel::Compact);
+    twin!(m, linear, State: energy, residual2, slope, alpha, halvings, flags, spare);
+    let m = parse_linear(Linear::Ritz, Kernel::Compact);
+    twin!(m, linear, Lanczos: count, rz, spare0, spare1, alpha, beta);
+}
+
+fn constant(module: &naga::Module, name: &str) -> u32 {
+    let found = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name));
+    let (_, c) = found.unwrap_or_else(|| panic!("no {name}"));
+    match module.global_expressions[c.init] {
+        naga::Expression::Literal(naga::Literal::U32(v)) => v,
+        ref e => panic!("{name}: {e:?}"),
+    }
 }
 
 #[test]
 fn shared_constants_agree() {
     let m = parse(Stage::G2p2g, Kernel::Compact);
-    let constant = |name: &str| {
-        let (_, c) =
-            m.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name)).unwrap_or_else(|| panic!("no {name}"));
-        match m.global_expressions[c.init] {
-            naga::Expression::Literal(naga::Literal::U32(v)) => v,
-            ref e => panic!("{name}: {e:?}"),
-        }
-    };
     for (name, rust) in [
         ("HALT_BLOCKS", layout::HALT_BLOCKS),
         ("HALT_REPLAN", layout::HALT_REPLAN),
@@ -103,6 +120,15 @@ fn shared_constants_agree() {
         ("GROUPS_PARTICLES", layout::Groups::Particles as u32),
         ("WORK_MAX", layout::WORK_MAX as u32),
     ] {
-        assert_eq!(constant(name), rust, "{name}");
+        assert_eq!(constant(&m, name), rust, "{name}");
+    }
+    let m = parse_linear(Linear::Decide, Kernel::Compact);
+    for (name, rust) in [
+        ("ACCEPTED", linear::ACCEPTED),
+        ("INDEFINITE", linear::INDEFINITE),
+        ("DROPPED", linear::DROPPED),
+        ("BROKEN", linear::BROKEN),
+    ] {
+        assert_eq!(constant(&m, name), rust, "{name}");
     }
 }

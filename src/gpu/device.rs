@@ -258,7 +258,7 @@ impl Gpu {
         Ok(compiled)
     }
 
-    /// A pipeline of the entry point `main` of a source.
+    /// A pipeline of the entry point `main` of a source. Without `groups` it has the one bind group that the source asks for.
     pub(super) fn compile(
         &self,
         name: &str,
@@ -273,14 +273,16 @@ impl Gpu {
         checks.force_loop_bounding = false;
         // SAFETY: the only check that is off is the loop bound, and no shader of ours has an unbounded loop.
         let module = unsafe { self.device.create_shader_module_trusted(descriptor, checks) };
-        let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(name),
-            bind_group_layouts: groups,
-            immediate_size: 0,
+        let layout = (!groups.is_empty()).then(|| {
+            self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some(name),
+                bind_group_layouts: groups,
+                immediate_size: 0,
+            })
         });
         self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(name),
-            layout: Some(&layout),
+            layout: layout.as_ref(),
             module: &module,
             entry_point: Some("main"),
             compilation_options: wgpu::PipelineCompilationOptions {

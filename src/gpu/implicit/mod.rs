@@ -4,6 +4,7 @@
 mod buffers;
 pub mod interface;
 pub mod layout;
+pub mod linear;
 mod particles;
 mod pipelines;
 mod readback;

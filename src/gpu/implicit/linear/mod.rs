@@ -1,0 +1,18 @@
+//! The linear algebra of the implicit step and its minimisation on the device; twin of the solver in `crate::implicit`.
+//!
+//! `lattice` and `level` say what a level of the hierarchy is and hold its memory, `kernels` has the shaders and lists of dispatches,
+//! `hierarchy` builds the levels and the V-cycle, `smoother` their polynomials and sweeps, `lbfgs` directions and line search, and
+//! `minimiser` runs it all.
+
+mod hierarchy;
+pub mod kernels;
+mod lattice;
+pub mod layout;
+mod lbfgs;
+mod level;
+mod minimiser;
+mod smoother;
+#[cfg(test)]
+mod tests;
+
+pub use minimiser::Minimiser;

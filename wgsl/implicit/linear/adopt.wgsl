@@ -1,0 +1,20 @@
+// Takes E and the residual at the start. One workgroup.
+
+@group(0) @binding(0) var<uniform> level: Level;
+@group(0) @binding(1) var<storage, read> residuals: array<f32>;
+@group(0) @binding(2) var<storage, read> energy: vec2<f32>;
+@group(0) @binding(3) var<storage, read_write> state: State;
+
+@compute @workgroup_size(256)
+fn main(@builtin(local_invocation_index) lane: u32) {
+    var own = 0.0;
+    if (lane < level.groups) {
+        own = residuals[lane];
+    }
+    let residual2 = summed(lane, own);
+    if (lane == 0u) {
+        state.energy = energy;
+        state.residual2 = residual2;
+        state.flags = select(BROKEN, 0u, abs(energy.x) < 3e38 && residual2 < 3e38);
+    }
+}

@@ -1,0 +1,33 @@
+// y = A x by rows: 32 rows a workgroup, their slots dealt to 8 lanes each, whose sums are added in order. Neighbouring lanes read neighbouring
+// rows of slot-major values. The entry point says what x is by `gathered(row)`.
+
+const ROWS = 32u;
+const PARTS = 8u;
+
+var<workgroup> parts: array<vec3<f32>, 256>;
+
+// To be called by all lanes of the workgroup; every lane gets the sum of its row.
+fn product(row: u32, lane: u32, wanted: bool) -> vec3<f32> {
+    var sum = vec3<f32>();
+    if (wanted) {
+        let n = level.stride;
+        for (var slot = lane / ROWS; slot < SLOTS; slot += PARTS) {
+            // Without a neighbour the block is zero.
+            let j = columns[slot * n + row];
+            let x = gathered(select(j, row, j == NONE));
+            let at = 9u * slot * n + row;
+            sum += vec3<f32>(
+                values[at] * x.x + values[at + n] * x.y + values[at + 2u * n] * x.z,
+                values[at + 3u * n] * x.x + values[at + 4u * n] * x.y + values[at + 5u * n] * x.z,
+                values[at + 6u * n] * x.x + values[at + 7u * n] * x.y + values[at + 8u * n] * x.z,
+            );
+        }
+    }
+    parts[lane] = sum;
+    workgroupBarrier();
+    var total = parts[lane % ROWS];
+    for (var p = 1u; p < PARTS; p++) {
+        total += parts[p * ROWS + lane % ROWS];
+    }
+    return total;
+}

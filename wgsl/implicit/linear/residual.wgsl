@@ -1,0 +1,25 @@
+// r = b − A x. Rows as in product.wgsl.
+
+@group(0) @binding(0) var<uniform> level: Level;
+@group(0) @binding(1) var<storage, read> columns: array<u32>;
+@group(0) @binding(2) var<storage, read> values: array<f32>;
+@group(0) @binding(3) var<storage, read> b: array<f32>;
+@group(0) @binding(4) var<storage, read> x: array<f32>;
+@group(0) @binding(5) var<storage, read_write> r: array<f32>;
+
+fn gathered(row: u32) -> vec3<f32> {
+    return vec3<f32>(x[row], x[level.stride + row], x[2u * level.stride + row]);
+}
+
+@compute @workgroup_size(256)
+fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let n = level.stride;
+    let row = group.x * ROWS + lane % ROWS;
+    let ax = product(row, lane, row < level.rows);
+    if (lane >= ROWS || row >= level.rows) {
+        return;
+    }
+    for (var a = 0u; a < 3u; a++) {
+        r[a * n + row] = b[a * n + row] - ax[a];
+    }
+}
