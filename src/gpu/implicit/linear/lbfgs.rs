@@ -146,8 +146,7 @@ impl Lbfgs {
         let mut program = Program::default();
         self.measure(&mut program, tools, system, hierarchy);
         let finest = &hierarchy.levels[0];
-        let bound =
-            [&finest.uniform, &self.slopes, &self.residuals, &system.energy, &self.state, &system.control];
+        let bound = [&finest.uniform, &self.slopes, &self.residuals, &system.energy, &self.state, &system.control];
         program.push_whole(tools, Kernel::Decide, &bound, [1, 1]);
         program
     }
@@ -181,5 +180,84 @@ impl Lbfgs {
         let [shape, sums, state] = [&finest.uniform, partials, &self.state].map(|b| b.as_entire_binding());
         program.push(tools, Kernel::Finish, &[shape, sums, self.pair(k), state], [1, 1]);
         program
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{SeedableRng, rngs::StdRng};
+
+    use super::super::kernels::Pipelines;
+    use super::super::problem_tests::{Sample, distance, gpu, random, read_field, scene, write_field};
+    use super::*;
+    use crate::gpu::readback::read;
+    use crate::scene::schema::Implicit;
+    use crate::sim::problem::Kernel;
+
+    /// The recursion in f64 with the V-cycle's answer given, against the device's; and a wrong order of pairs must show.
+    #[test]
+    fn two_loop_recursion() {
+        let seed = 77;
+        println!("seed {seed}");
+        let (gpu, rng) = (gpu(), &mut StdRng::seed_from_u64(seed));
+        let pipelines = Pipelines::new(Kernel::Quadratic);
+        let tools = Tools { gpu: &gpu, pipelines: &pipelines };
+        let sample = Sample::new(&scene(Kernel::Quadratic, false, 1e6));
+        let system = sample.upload(&gpu);
+        let hierarchy = Hierarchy::new(tools, &system, &Implicit::default(), None).unwrap();
+        let (finest, n, stride) = (&hierarchy.levels[0], sample.rows(), system.stride as usize);
+        let mut lbfgs = Lbfgs::new(&gpu, system.stride);
+        let projections = sample.projections();
+        let field = |rng: &mut StdRng| {
+            let mut x = random(3 * n, rng);
+            for (i, s) in projections.iter().enumerate() {
+                let value = s * x.rows(3 * i, 3);
+                x.rows_mut(3 * i, 3).copy_from(&value);
+            }
+            x
+        };
+        let mut pairs = Vec::new();
+        for _ in 0..WINDOW + 2 {
+            let k = lbfgs.free();
+            let s = field(rng);
+            let y = &s * 2.0 + 0.2 * field(rng);
+            write_field(&gpu, &lbfgs.s[k], stride, &s);
+            write_field(&gpu, &lbfgs.y[k], stride, &y);
+            let rho = (1.0 / y.dot(&s)) as f32;
+            gpu.queue.write_buffer(&lbfgs.pairs, SLOT * k as u64, bytemuck::bytes_of(&rho));
+            lbfgs.keep();
+            pairs.push((s, y));
+        }
+        let pairs = &pairs[2..];
+        let (g, z0) = (field(rng), field(rng));
+        write_field(&gpu, &lbfgs.g, stride, &g);
+        lbfgs.backward(tools, finest).submit(&gpu).unwrap();
+        write_field(&gpu, &finest.x[hierarchy.result], stride, &z0);
+        lbfgs.forward(tools, &system, &hierarchy).submit(&gpu).unwrap();
+        let q = read_field(&gpu, &finest.b, stride, n);
+        let z = read_field(&gpu, &finest.x[hierarchy.result], stride, n);
+        let state: layout::State = read(&gpu, &lbfgs.state, 1).unwrap()[0];
+
+        let recursion = |order: &[usize]| {
+            let (mut q, mut z, mut alphas) = (g.clone(), z0.clone(), vec![0.0; order.len()]);
+            for &k in order.iter().rev() {
+                let (s, y) = &pairs[k];
+                alphas[k] = s.dot(&q) / s.dot(y);
+                q -= alphas[k] * y;
+            }
+            for &k in order {
+                let (s, y) = &pairs[k];
+                z += (alphas[k] - y.dot(&z) / s.dot(y)) * s;
+            }
+            (q, z)
+        };
+        let mut order: Vec<usize> = (0..WINDOW).collect();
+        let (right_q, right_z) = recursion(&order);
+        // A sum of a thousand products, twice eight times.
+        assert!(distance(&q, &right_q) < 1e-5 && distance(&z, &right_z) < 1e-5, "{}", distance(&z, &right_z));
+        let slope = -right_z.dot(&g);
+        assert!((f64::from(state.slope) - slope).abs() < 1e-4 * right_z.norm() * g.norm(), "{}", state.slope);
+        order.swap(2, 5);
+        assert!(distance(&z, &recursion(&order).1) > 1e-5, "not noticed");
     }
 }

@@ -78,7 +78,9 @@ impl Level {
         let entries = lattice.entries();
         fits(gpu, 4 * entries, "the table of a coarse level")?;
         if entries.div_ceil(1024) > 65535 {
-            return Err(EngineError::Capacity(format!("a coarse level spans {entries} nodes, which is more than can be counted")));
+            return Err(EngineError::Capacity(format!(
+                "a coarse level spans {entries} nodes, which is more than can be counted"
+            )));
         }
         let [none, table] = [("none", 16), ("table", 4 * entries)].map(|(label, size)| buffer(gpu, label, size));
         let sums = buffer(gpu, "sums", 4 * entries.div_ceil(1024));

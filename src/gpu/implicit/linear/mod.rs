@@ -11,8 +11,12 @@ pub mod layout;
 mod lbfgs;
 mod level;
 mod minimiser;
-mod smoother;
 #[cfg(test)]
-mod tests;
+mod minimiser_tests;
+#[cfg(test)]
+mod operator_tests;
+#[cfg(test)]
+mod problem_tests;
+mod smoother;
 
 pub use minimiser::Minimiser;
