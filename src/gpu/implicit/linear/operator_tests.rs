@@ -136,12 +136,12 @@ fn coarse_matrices_are_galerkin_products() {
             }
             println!("level {}: {rows} nodes, {completed} directions completed", l + 1);
             assert!(off(found, &expected) < ROUNDING, "level {} off by {:e}", l + 1, off(found, &expected));
-            // Planted: a weight that is off by a hundredth.
+            // Planted: weights of one node that are off by a hundredth.
             let mut wrong = p.clone();
-            let mut column = wrong.column_mut(3 * (rows / 2));
+            let mut column = wrong.column_mut(galerkin.diagonal().imax());
             column *= 1.01;
             let wrong = wrong.transpose() * &operator * wrong;
-            assert!(off(found, &wrong) > ROUNDING || rows < 2, "not noticed");
+            assert!(off(found, &wrong) > ROUNDING, "not noticed");
             operator = galerkin;
         }
     });
@@ -169,7 +169,7 @@ fn inverse_diagonals_and_spectra() {
             // Power iteration, from below.
             let mut x = random(3 * n, rng);
             let mut largest: f64 = 0.0;
-            for _ in 0..400 {
+            for _ in 0..100 {
                 let y = &scaled * &x;
                 // The quotient of D⁻¹A in the inner product of A.
                 largest = largest.max(y.dot(&(a * &x)) / x.dot(&(a * &x)));
@@ -178,7 +178,7 @@ fn inverse_diagonals_and_spectra() {
             let coefficients: Vec<[f32; 4]> = read(tools.gpu, &level.coefficients, 1).unwrap();
             let ratio = f64::from(coefficients[0][2]) / largest;
             println!("λ {largest}, found {ratio} of it");
-            assert!(ratio > 1.0 && ratio < 1.13, "{ratio}");
+            assert!(ratio > 1.0 && ratio < 1.2, "{ratio}");
         }
     });
 }

@@ -5,15 +5,13 @@ use std::ops::Range;
 use super::kernels::{Kernel, Program, Tools};
 use super::layout::Colour;
 use super::level::{Level, MAX_DEGREE, SLOT, buffer, slot};
+use crate::implicit::smoother::{DEGREE, RANGE};
 use crate::scene::schema::Smoother;
 
-/// Degree of the smoother's polynomial, and the part of the spectrum that it damps, [λ / RANGE, λ].
-const DEGREE: u32 = 4;
-const RANGE: f32 = 30.0;
-/// The same of the solve on the coarsest level.
+/// Degree of the polynomial that solves on the coarsest level, and the part of the spectrum that it damps, [λ / range, λ].
 const COARSE_DEGREE: u32 = 30;
 const COARSE_RANGE: f32 = 400.0;
-const _: () = assert!(COARSE_DEGREE <= MAX_DEGREE && DEGREE <= MAX_DEGREE);
+const _: () = assert!(COARSE_DEGREE <= MAX_DEGREE && DEGREE as u32 <= MAX_DEGREE);
 /// Lanczos steps towards the largest eigenvalue.
 const LANCZOS_STEPS: usize = 12;
 
@@ -28,7 +26,7 @@ impl Smoothing {
     pub fn polynomial(self, coarsest: bool) -> (u32, f32) {
         match self.kind {
             _ if coarsest => (COARSE_DEGREE, COARSE_RANGE),
-            Smoother::Chebyshev => (DEGREE, RANGE),
+            Smoother::Chebyshev => (DEGREE as u32, RANGE as f32),
             Smoother::GaussSeidel => (0, 1.0),
         }
     }
