@@ -20,7 +20,7 @@ mod line_search;
 mod newton;
 pub mod objective;
 pub mod potential;
-mod smoother;
+pub(crate) mod smoother;
 mod solve;
 pub mod sparse;
 mod spectrum;

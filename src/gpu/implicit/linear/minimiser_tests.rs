@@ -244,7 +244,8 @@ fn minima_are_newtons_and_repeatable() {
                 assert!(solve.converged && solve.residual <= 1e-7);
                 // The device's own view of its residual is that of f64, to the roundings of its gradient.
                 assert!(case.residual(&x) < 2e-7, "{:e}", case.residual(&x));
-                assert!(case.distance(&x, &solution) < 1e-3);
+                // ε = 1e-7 is a bound on forces: Δv is known to some hundredths where soft nodes lie beside stiff ones.
+                assert!(case.distance(&x, &solution) < 0.05);
                 assert!(solve.iterations < 25);
                 let (again, same) = case.run(&gpu, &mut minimiser);
                 assert!(again == x && same == solve, "twice the same");
