@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::cpu::CpuEngine;
 use crate::engine::{Engine, EngineError};
-use crate::gpu::{Gpu, GpuEngine, supports};
+use crate::gpu::{Gpu, GpuEngine, implicit, supports};
 use crate::implicit::ImplicitEngine;
 use crate::sim::problem::{Integrator, Problem};
 
@@ -50,15 +50,13 @@ impl Devices {
     ///
     /// Errors: the scene is not for the GPU though the GPU was asked for, or does not fit.
     pub fn engine(&self, problem: &Problem) -> Result<Box<dyn Engine>, EngineError> {
-        if problem.integrator == Integrator::Implicit {
-            return Ok(Box::new(ImplicitEngine::new(problem)?));
-        }
         let Some(gpu) = &self.gpu else {
-            return Ok(Box::new(CpuEngine::new(problem)?.because(&self.reason)));
+            return on_cpu(problem, &self.reason);
         };
-        match supports(problem) {
-            Ok(()) => Ok(Box::new(GpuEngine::new(gpu.clone(), problem, &self.reason)?)),
-            Err(why) if self.choice == Choice::Auto => Ok(Box::new(CpuEngine::new(problem)?.because(&why))),
+        let fits = if problem.integrator == Integrator::Implicit { implicit::supports } else { supports };
+        match fits(problem) {
+            Ok(()) => on_gpu(gpu.clone(), problem, &self.reason),
+            Err(why) if self.choice == Choice::Auto => on_cpu(problem, &why),
             Err(why) => Err(EngineError::Unsupported(format!("{why}; use --backend cpu or auto"))),
         }
     }
@@ -72,4 +70,18 @@ impl Devices {
     pub fn gpu(&self) -> Option<&Arc<Gpu>> {
         self.gpu.as_ref()
     }
+}
+
+fn on_cpu(problem: &Problem, reason: &str) -> Result<Box<dyn Engine>, EngineError> {
+    Ok(match problem.integrator {
+        Integrator::Implicit => Box::new(ImplicitEngine::new(problem)?.because(reason)),
+        _ => Box::new(CpuEngine::new(problem)?.because(reason)),
+    })
+}
+
+fn on_gpu(gpu: Arc<Gpu>, problem: &Problem, reason: &str) -> Result<Box<dyn Engine>, EngineError> {
+    Ok(match problem.integrator {
+        Integrator::Implicit => Box::new(implicit::GpuImplicitEngine::new(gpu, problem, reason)?),
+        _ => Box::new(GpuEngine::new(gpu, problem, reason)?),
+    })
 }

@@ -1,6 +1,8 @@
 //! The GPU engine on its own: exact motions, repeatability, growth, guards and errors.
 
 mod common;
+#[path = "gpu/implicit.rs"]
+mod implicit;
 #[path = "gpu/isolated.rs"]
 mod isolated;
 

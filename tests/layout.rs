@@ -78,7 +78,8 @@ fn shared_structs_agree() {
     let m = parse_text("boundary", &shaders::source(shaders::Stage::Boundary, Kernel::Compact));
     twin!(m, implicit, Params: blocks, particles, cells, dx, gravity, dt, pad, capacity, periodic, colliders, room, stride, rows,
         mass_floor, walls);
-    twin!(m, implicit, Status: error, error_particle, max_shift, max_speed, blocks, rows, rubbing, spare);
+    twin!(m, implicit, Status: error, error_particle, max_shift, max_speed, blocks, rows, separating, released,
+        rubbing, spare0, spare1, spare2);
     twin!(m, implicit, Sweep: r0, r1, r2);
     twin!(m, implicit, Touch: normal, velocity, arm, impulse);
     let m = parse_linear(Linear::GaussSeidel, Kernel::Compact);

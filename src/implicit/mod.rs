@@ -38,5 +38,5 @@ mod fixture;
 #[cfg(test)]
 mod tests;
 
-pub use engine::ImplicitEngine;
+pub use engine::{FARTHEST_DX, ImplicitEngine};
 pub use solve::solve;

@@ -15,7 +15,7 @@ fn keep(rule: ptr<function, Rule>, at: u32, surface: u32, contact: vec2<f32>, no
         (*rule).velocity = velocity;
         (*rule).held = true;
         (*rule).kept = 1u;
-        touches[3u * at] = Touch(vec4<f32>(normal, contact.y), vec4<f32>(velocity, bitcast<f32>(surface)), vec4<f32>(arm, 1.0), vec4<f32>(0.0));
+        touches[3u * at] = Touch(vec4<f32>(normal, contact.y), vec4<f32>(velocity, bitcast<f32>(surface)), vec4<f32>(arm, HOLDING), vec4<f32>(0.0));
         return;
     }
     if ((*rule).held || (*rule).kept == 3u || (kind != SLIP && dot(falling - velocity, normal) >= 0.0)) {
@@ -32,9 +32,9 @@ fn keep(rule: ptr<function, Rule>, at: u32, surface: u32, contact: vec2<f32>, no
     n /= size;
     // v·n of the surface must hold for its own normal; what it asks along the new direction follows from what is fixed already.
     (*rule).velocity += (dot(velocity - (*rule).velocity, normal) / size) * n;
-    touches[3u * at + (*rule).kept] = Touch(vec4<f32>(n, contact.y), vec4<f32>(velocity, bitcast<f32>(surface)), vec4<f32>(arm, 0.0), vec4<f32>(0.0));
-    if (contact.y > 0.0) {
-        atomicStore(&status.rubbing, 1u);
+    touches[3u * at + (*rule).kept] = Touch(vec4<f32>(n, contact.y), vec4<f32>(velocity, bitcast<f32>(surface)), vec4<f32>(arm, select(SEPARATING, SLIPPERY, kind == SLIP)), vec4<f32>(0.0));
+    if (kind != SLIP) {
+        atomicStore(&status.separating, 1u);
     }
     (*rule).n[(*rule).kept] = n;
     (*rule).kept += 1u;

@@ -30,15 +30,19 @@ struct Status {
     max_speed: atomic<u32>,      // largest |v| (m/s) after it, f32 bits
     blocks: u32,                 // that particles touch
     rows: u32,                   // nodes that are solved for
-    rubbing: atomic<u32>,        // 1 if a surface at hand has friction
-    spare: u32,
+    separating: atomic<u32>,     // 1 if a separating surface constrains a node
+    released: u32,               // 1 if nodes were let go
+    rubbing: u32,                // 1 if nodes have friction
+    spare0: u32,
+    spare1: u32,
+    spare2: u32,
 }
 
 // Which velocity a collider has in the step: v = rows · (x - center, 1), so that x + dt v is where the turning surface takes x.
 struct Sweep { r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32> }
 
-// A surface that constrains a node. normal.w: friction; velocity.w: the surface's place among all, as bits; arm: from its centre to the node (m), w = 1 if
-// it holds the node; impulse: what it gives the node (N s), w = strength of its friction, µ J.
+// A surface that constrains a node. normal.w: friction; velocity.w: the surface's place among all, as bits; arm: from its centre to the node (m), w = HOLDING,
+// SLIPPERY or SEPARATING; impulse: what it gives the node (N s), w = strength of its friction, µ J.
 struct Touch { normal: vec4<f32>, velocity: vec4<f32>, arm: vec4<f32>, impulse: vec4<f32> }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -87,6 +91,7 @@ struct Touch { normal: vec4<f32>, velocity: vec4<f32>, arm: vec4<f32>, impulse: 
 @group(0) @binding(42) var<storage, read_write> energy: array<f32>;
 @group(0) @binding(43) var<storage, read_write> control: array<u32>;
 @group(0) @binding(44) var<storage, read_write> touches: array<Touch>;       // three a dense node
+@group(0) @binding(46) var<storage, read_write> presses: array<vec4<f32>>;   // by block and grid: push, pull (N s), friction
 @group(0) @binding(45) var<storage, read_write> reactions: array<f32>;       // block, surface, force and moment
 
 /// MLS-MPM (forces and velocity gradient through D⁻¹) instead of APIC (through kernel gradients).
@@ -96,6 +101,11 @@ override PRINCIPAL: bool = true;
 
 const LANES = 64u;
 const NO_NODE = 0xffffffffu;
+
+// Kinds of surfaces, in arm.w of a touch.
+const SLIPPERY = 0.0;
+const HOLDING = 1.0;
+const SEPARATING = 2.0;
 
 // Kinds of nodes, in freedom.w.
 const FREE = 0.0;

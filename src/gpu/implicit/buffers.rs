@@ -90,6 +90,7 @@ impl Sizes {
             ("poses", self.colliders.max(1) * size_of::<shared::Pose>()),
             ("sweeps", self.colliders.max(1) * size_of::<Sweep>()),
             ("touches", 3 * nodes * size_of::<Touch>()),
+            ("presses", blocks * self.grids() * 16),
             ("reactions", blocks * self.reaction_sums() * 4),
         ]
     }
@@ -108,7 +109,7 @@ impl Sizes {
 }
 
 /// The buffers that a larger number of blocks makes anew; nothing in them outlives a step.
-const BY_CAPACITY: [&str; 14] = [
+const BY_CAPACITY: [&str; 15] = [
     "block_list",
     "prefix",
     "counts",
@@ -122,6 +123,7 @@ const BY_CAPACITY: [&str; 14] = [
     "row_of",
     "partials",
     "touches",
+    "presses",
     "reactions",
 ];
 

@@ -34,8 +34,12 @@ pub struct Status {
     pub max_speed: u32,
     pub blocks: u32,
     pub rows: u32,
+    pub separating: u32,
+    pub released: u32,
     pub rubbing: u32,
-    pub spare: u32,
+    pub spare0: u32,
+    pub spare1: u32,
+    pub spare2: u32,
 }
 
 #[repr(C)]

@@ -2,6 +2,7 @@
 //! order that does not depend on scheduling.
 
 mod buffers;
+mod engine;
 pub mod interface;
 pub mod layout;
 pub mod linear;
@@ -11,6 +12,7 @@ mod readback;
 pub mod shaders;
 mod step;
 
+pub use engine::{GpuImplicitEngine, supports};
 pub(super) use pipelines::Pipelines;
 pub use readback::{NodeReading, SystemReading};
 pub use step::{Moved, Stepper};

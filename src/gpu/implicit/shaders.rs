@@ -29,13 +29,15 @@ pub enum Stage {
     Gradient,
     Energy,
     Impulses,
+    Weigh,
+    Release,
     Finish,
     Reactions,
     G2p,
 }
 
 impl Stage {
-    pub const ALL: [Stage; 21] = [
+    pub const ALL: [Stage; 23] = [
         Stage::Mark,
         Stage::Number,
         Stage::Count,
@@ -54,6 +56,8 @@ impl Stage {
         Stage::Gradient,
         Stage::Energy,
         Stage::Impulses,
+        Stage::Weigh,
+        Stage::Release,
         Stage::Finish,
         Stage::Reactions,
         Stage::G2p,
@@ -108,7 +112,13 @@ impl Stage {
             }
             Stage::Energy => ("energy", wgsl!("implicit/energy.wgsl"), vec![wgsl!("implicit/pair.wgsl")]),
             Stage::Finish => ("finish", wgsl!("implicit/finish.wgsl"), vec![]),
-            Stage::Impulses => ("impulses", wgsl!("implicit/impulses.wgsl"), gather()),
+            Stage::Impulses => {
+                let mut parts = gather();
+                parts.push(wgsl!("implicit/pressure.wgsl"));
+                ("impulses", wgsl!("implicit/impulses.wgsl"), parts)
+            }
+            Stage::Weigh => ("weigh", wgsl!("implicit/weigh.wgsl"), vec![]),
+            Stage::Release => ("release", wgsl!("implicit/release.wgsl"), vec![wgsl!("implicit/pressure.wgsl")]),
             Stage::Reactions => ("reactions", wgsl!("implicit/reactions.wgsl"), vec![]),
             Stage::G2p => ("g2p", wgsl!("implicit/g2p.wgsl"), laws()),
         }

@@ -36,8 +36,8 @@ pub struct Stepper {
     pub(super) frame: Frame,
     /// Blocks that particles touch in this step.
     pub(super) blocks: usize,
-    /// Whether any surface at hand has friction.
-    pub rubbing: bool,
+    /// Whether a separating surface constrains any node.
+    separating: bool,
 }
 
 /// What the particles did in a step.
@@ -104,7 +104,7 @@ impl Stepper {
         };
         let frame_problem = Problem { particles: Particles::default(), ..problem.clone() };
         let mut stepper =
-            Self { gpu, pipelines, buffers, params, problem: frame_problem, frame, blocks: 0, rubbing: false };
+            Self { gpu, pipelines, buffers, params, problem: frame_problem, frame, blocks: 0, separating: false };
         stepper.frame.body_of.clear();
         stepper.append(&problem.particles)?;
         Ok(stepper)
@@ -178,8 +178,8 @@ impl Stepper {
         self.params.dt = dt as f32;
         self.params.stride = self.buffers.system.stride;
         self.write_params();
-        let rubbing = std::mem::offset_of!(Status, rubbing) as u64;
-        self.gpu.queue.write_buffer(self.buffers.get("status"), rubbing, &[0; 4]);
+        let separating = std::mem::offset_of!(Status, separating) as u64;
+        self.gpu.queue.write_buffer(self.buffers.get("status"), separating, &[0; 4]);
         let colliders = &self.problem.colliders;
         let poses: Vec<_> = colliders.iter().map(|c| upload::pose(c, self.problem.origin, time_s)).collect();
         let sweeps: Vec<_> = colliders.iter().map(|c| sweep(c, time_s, dt)).collect();
@@ -217,7 +217,7 @@ impl Stepper {
             }
         };
         self.blocks = status.blocks as usize;
-        self.rubbing = status.rubbing != 0;
+        self.separating = status.separating != 0;
         self.params.rows = status.rows;
         self.write_params();
         let system = &mut self.buffers.system;
@@ -267,14 +267,23 @@ impl Stepper {
         Ok(())
     }
 
-    /// Adds the friction that the normal impulses at `dv` cause to the objective.
-    pub fn rub(&self) {
+    /// After a solve: lets go of nodes that separating surfaces pull back, and adds the friction that the normal impulses at `dv` cause. Returns
+    /// whether the system is another one now, to be solved once more.
+    pub fn revise(&self) -> Result<bool, EngineError> {
+        if !self.separating {
+            return Ok(false);
+        }
+        let grids = self.buffers.sizes.grids();
         self.submit(|encoder| {
             self.look_at_dv(encoder);
             let mut pass = encoder.begin_compute_pass(&Default::default());
             self.dispatch(&mut pass, Stage::Strain, self.blocks);
-            self.dispatch(&mut pass, Stage::Impulses, self.blocks * self.buffers.sizes.grids());
+            self.dispatch(&mut pass, Stage::Impulses, self.blocks * grids);
+            self.dispatch(&mut pass, Stage::Weigh, 1);
+            self.dispatch(&mut pass, Stage::Release, self.blocks * grids);
         });
+        let status = self.status()?;
+        Ok(status.released != 0 || status.rubbing != 0)
     }
 
     /// Ends the step with `dv`: reactions, particles. The step can be taken back by beginning it again.

@@ -1,0 +1,140 @@
+//! The implicit engine on the GPU: the CPU's motion, repeatable, through every kind of frame.
+
+use gridfall::engine::{Engine, FrameStats, NoControl};
+use gridfall::gpu::implicit::{GpuImplicitEngine, supports};
+use gridfall::implicit::ImplicitEngine;
+use gridfall::sim::particles::Particles;
+use gridfall::sim::problem::Problem;
+
+use super::common;
+
+/// A bar that hangs in a grip which turns and pulls, beside a block that slides on a floor with friction.
+fn scene(kernel: &str, transfer: &str) -> Problem {
+    common::problem(&format!(
+        r#"{{ "gridfall": 1, "name": "implicit",
+        "domain": {{ "min": [0, 0, 0], "max": [1, 0.6, 1], "dx": 0.05,
+                     "boundary": {{ "z-": {{ "contact": "separate", "friction": 0.3 }}, "x+": {{ "contact": "slip" }} }} }},
+        "materials": {{
+            "gum": {{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 }},
+            "tin": {{ "model": "von-mises", "density": 2000, "youngs_modulus": 1e6, "poissons_ratio": 0.3, "yield_stress": 2e4 }} }},
+        "bodies": [
+            {{ "name": "bar", "material": "gum", "sampling": "jittered", "shape": {{ "box": {{ "min": [0.2, 0.2, 0.4], "max": [0.35, 0.35, 0.8] }} }} }},
+            {{ "name": "block", "material": "tin", "sampling": "jittered", "velocity": [1, 0, -0.5],
+               "shape": {{ "box": {{ "min": [0.5, 0.2, 0.02], "max": [0.7, 0.35, 0.17] }} }} }} ],
+        "colliders": [
+            {{ "name": "grip", "contact": "sticky", "shape": {{ "box": {{ "min": [0.1, 0.1, 0.72], "max": [0.45, 0.45, 0.9] }} }},
+               "motion": {{ "center": [0.275, 0.275, 0.8], "linear_velocity": [0, 0, 0.2], "angular_velocity": [0, 0, 4] }} }} ],
+        "time": {{ "end": 1, "frame_rate": 24 }},
+        "solver": {{ "kernel": "{kernel}", "transfer": "{transfer}", "integrator": "implicit", "implicit": {{ "tolerance": 1e-8 }} }} }}"#
+    ))
+}
+
+fn engine(problem: &Problem) -> GpuImplicitEngine {
+    GpuImplicitEngine::new(common::gpu(), problem, "test").unwrap()
+}
+
+fn run(engine: &mut dyn Engine, problem: &Problem, frames: u32) -> (Vec<FrameStats>, Particles) {
+    let stats = (0..frames).map(|_| engine.advance_frame(problem.frame_s, &NoControl).unwrap()).collect();
+    (stats, engine.snapshot().unwrap())
+}
+
+fn farthest(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
+    let distance = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
+    a.iter().zip(b).map(distance).fold(0.0, f64::max)
+}
+
+#[test]
+fn it_moves_as_on_the_cpu() {
+    for (kernel, transfer) in [("quadratic", "apic"), ("compact", "mls")] {
+        let problem = scene(kernel, transfer);
+        let (stats, gpu) = run(&mut engine(&problem), &problem, 2);
+        let (reference, cpu) = run(&mut ImplicitEngine::new(&problem).unwrap(), &problem, 2);
+        let (x, v) = (farthest(&gpu.x, &cpu.x) / problem.dx, farthest(&gpu.v, &cpu.v));
+        println!("{kernel} {transfer}: x {x:.1e} dx, v {v:.1e} m/s");
+        for (stats, reference) in stats.iter().zip(&reference) {
+            assert_eq!(stats.steps, reference.steps);
+            assert!(stats.solves.iter().all(|solve| solve.converged), "{:?}", stats.solves);
+            for (a, b) in stats.reactions.iter().zip(&reference.reactions) {
+                let difference = farthest(&[a.force, a.torque], &[b.force, b.torque]);
+                assert!(difference < 0.05, "{a:?} against {b:?}");
+            }
+        }
+        assert!(x < 1e-3 && v < 1e-2);
+    }
+}
+
+#[test]
+fn it_repeats_itself_to_the_bit() {
+    let problem = scene("compact", "apic");
+    assert_eq!(run(&mut engine(&problem), &problem, 1), run(&mut engine(&problem), &problem, 1));
+}
+
+#[test]
+fn steps_in_which_particles_go_too_far_are_halved() {
+    // Compressed and let go: at rest and without gravity, so that the first step is planned as long as the frame.
+    let problem = common::problem(
+        r#"{ "gridfall": 1, "name": "burst", "domain": { "min": [0, 0, 0], "max": [1, 1, 1], "dx": 0.125 },
+        "gravity": [0, 0, 0],
+        "materials": { "m": { "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 } },
+        "bodies": [ { "name": "a", "material": "m", "shape": { "box": { "min": [0.375, 0.375, 0.375], "max": [0.625, 0.625, 0.625] } },
+                      "deformation_gradient": [[0.5, 0, 0], [0, 0.5, 0], [0, 0, 0.5]] } ],
+        "time": { "end": 1, "frame_rate": 10 }, "solver": { "integrator": "implicit" } }"#,
+    );
+    let frame_s = 0.1;
+    let stats = engine(&problem).advance_frame(frame_s, &NoControl).unwrap();
+    let first = stats.solves[0].dt_s;
+    println!("{} steps, the first {first} s", stats.steps);
+    assert!(stats.steps > 1 && first < frame_s);
+    let time_s: f64 = stats.solves.iter().map(|solve| solve.dt_s).sum();
+    assert!((time_s - frame_s).abs() < 1e-12);
+}
+
+/// A stream on the GPU is the stream on the CPU; with nothing there before it opens.
+#[test]
+fn sources_emit_what_the_cpu_emits() {
+    let problem = common::problem(
+        r#"{ "gridfall": 1, "name": "press", "domain": { "min": [0, 0, 0], "max": [0.5, 0.5, 0.5], "dx": 0.0625 },
+        "materials": { "jelly": { "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 } },
+        "bodies": [],
+        "sources": [ { "name": "press", "material": "jelly", "velocity": [0.5, 0, 0], "from": 0.05, "until": 0.14,
+                       "shape": { "sphere": { "center": [0.25, 0.25, 0.3], "radius": 0.08 } } } ],
+        "time": { "end": 0.2, "frame_rate": 25 }, "solver": { "integrator": "implicit" } }"#,
+    );
+    let simulate = |engine: &mut dyn Engine| -> Vec<Particles> {
+        let frame = |frame: u32| {
+            engine.append(&problem.emission(frame)).unwrap();
+            engine.advance_frame(problem.frame_s, &NoControl).unwrap();
+            engine.snapshot().unwrap()
+        };
+        (0..problem.frames).map(frame).collect()
+    };
+    let (gpu, cpu) = (simulate(&mut engine(&problem)), simulate(&mut ImplicitEngine::new(&problem).unwrap()));
+    assert!(gpu[0].is_empty() && !gpu[4].is_empty());
+    for (gpu, cpu) in gpu.iter().zip(&cpu) {
+        assert_eq!(gpu.body, cpu.body);
+        let worst = farthest(&gpu.x, &cpu.x) / problem.dx;
+        println!("{} particles, worst difference {worst:.1e} dx", gpu.len());
+        assert!(worst < 1e-3);
+    }
+}
+
+#[test]
+fn what_it_cannot_run_is_said() {
+    use gridfall::scene::schema::Method;
+    use gridfall::sim::problem::{Kernel, Precision, Transfer};
+    type Change<'a> = (&'a str, &'a dyn Fn(&mut Problem));
+    let problem = scene("compact", "mls");
+    assert_eq!(supports(&problem), Ok(()));
+    let cases: [Change; 5] = [
+        ("3D", &|p| p.dimension = 2),
+        ("kernel", &|p| p.kernel = Kernel::Cubic),
+        ("apic and mls", &|p| p.transfer = Transfer::Pic),
+        ("f32", &|p| p.precision = Precision::F64),
+        ("hot", &|p| p.implicit.method = Method::PnPcg),
+    ];
+    for (word, change) in cases {
+        let mut other = problem.clone();
+        change(&mut other);
+        assert!(supports(&other).unwrap_err().contains(word), "{word}");
+    }
+}
