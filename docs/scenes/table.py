@@ -21,6 +21,8 @@ import subprocess
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "SCENES.md"
 VERDICTS = ROOT / "docs" / "scenes" / "verdicts.json"
+# From here on the page is kept as it is.
+BY_HAND = "\n## Implicit\n"
 WIDER = 4
 
 
@@ -41,7 +43,8 @@ def main():
             print(name, flush=True)
             made = cost(arguments.gridfall, scene) if is_large(name, scenes) else run(arguments, name, scene)
             summary.write_text(json.dumps(made, indent=1) + "\n")
-    PAGE.write_text(page(arguments.runs, scenes, arguments.build))
+    by_hand = PAGE.read_text().partition(BY_HAND)[1:] if PAGE.exists() else ()
+    PAGE.write_text(page(arguments.runs, scenes, arguments.build) + "".join(by_hand))
 
 
 def is_large(name, scenes):
