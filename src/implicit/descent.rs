@@ -7,7 +7,7 @@ use super::verbs::{difference, dot, project};
 use crate::engine::Solve;
 
 /// Iterations without progress in energy or residual after which rounding is all that is left.
-const STALLED: u32 = 8;
+pub const STALLED: u32 = 8;
 
 /// Where to go next.
 pub trait Directions<const D: usize> {

@@ -8,7 +8,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::hierarchy::block_key;
-use super::objective::{Field, Freedom, LinearOperator, NodeId, Objective};
+use super::objective::{Field, Freedom, LinearOperator, NodeId, Objective, Splitting};
 use super::sparse::Bsr;
 use crate::sim::linalg::{
     Matrix, Vector, add_scaled, apply, cofactor, det, identity, mul, mul_transpose, trace, transpose,
@@ -337,5 +337,9 @@ impl<const D: usize> Objective<D> for Body<D> {
         let freedoms = vec![Freedom::Free; ids.len()];
         let matrix = self.assemble(&stencils, &masses, &freedoms, dv);
         (ids, matrix)
+    }
+
+    fn splitting<'a>(&'a self) -> Box<dyn Splitting<D> + 'a> {
+        panic!("alternating directions are tested with a potential, which has laws")
     }
 }

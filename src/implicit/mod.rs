@@ -3,6 +3,7 @@
 //!
 //! No GPU here: `gpu::implicit` has the same stages by the same names.
 
+mod admm;
 pub mod assembly;
 pub mod boundary;
 mod cholesky;

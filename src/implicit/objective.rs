@@ -82,6 +82,25 @@ pub trait Objective<const D: usize>: Sync {
     /// The Hessian on the grids coarsened `level` times, from the quadrature of the same particles with kernels of width 2^level dx, and the
     /// nodes there (geometric multigrid, HOT §7.3).
     fn coarse_hessian(&self, dv: &Field<D>, level: u32) -> (Vec<NodeId<D>>, Bsr<f64, D>);
+
+    /// The particles' deformations as variables of their own.
+    fn splitting<'a>(&'a self) -> Box<dyn Splitting<D> + 'a>;
+}
+
+/// E with the deformation of every particle set apart, E(Δv, Z) = inertia + Σ V0 ψ(Z_p) with Z_p = F_p(Δv), and what alternating directions
+/// do with it (Fang et al. 2019).
+pub trait Splitting<const D: usize>: Sync {
+    /// F_p(Δv).
+    fn deformations(&self, dv: &Field<D>) -> Vec<Matrix<f64, D>>;
+
+    /// argmin over Z of V0 ψ(Z) + ½ w_p |Z − A_p|², w_p = V0 (λ + 2μ) (J), of every particle.
+    fn proximal(&self, targets: &[Matrix<f64, D>]) -> Vec<Matrix<f64, D>>;
+
+    /// ∇ of the inertia and of ½ Σ w_p |F_p(Δv) − A_p|² (kg m/s), projected.
+    fn gradient(&self, dv: &Field<D>, targets: &[Matrix<f64, D>]) -> Field<D>;
+
+    /// The second derivative of the same (kg), which no state changes; constrained like [`Objective::hessian`].
+    fn metric(&self) -> Bsr<f64, D>;
 }
 
 /// y = A x, symmetric.

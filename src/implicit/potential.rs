@@ -5,10 +5,11 @@
 
 use rayon::prelude::*;
 
+use self::splitting::Split;
 use super::assembly;
 use super::discretisation::Discretisation;
 use super::friction::{Drag, STICKING_DX};
-use super::objective::{Field, Freedom, LinearOperator, NodeId, Objective};
+use super::objective::{Field, Freedom, LinearOperator, NodeId, Objective, Splitting};
 use super::sparse::Bsr;
 use super::state::BodySetup;
 use super::topology::period;
@@ -16,6 +17,8 @@ use crate::engine::Control;
 use crate::material::Tensor4;
 use crate::sim::linalg::{Matrix, Vector, add_scaled, apply, identity, mul, mul_transpose};
 use crate::sim::problem::Problem;
+
+mod splitting;
 
 /// Area of a node's characteristic norm over dx² (HOT §5.2); in 2D length over dx, of the square that its neighbours make.
 const fn characteristic_area(dimension: usize) -> f64 {
@@ -161,6 +164,11 @@ impl<'a, const D: usize> Potential<'a, D> {
         let velocities = self.velocities(dv);
         let mut stresses = Vec::new();
         let energy = self.stresses(&velocities, Some(&mut stresses)) + self.inertia(dv);
+        (energy, self.forces(&velocities, &stresses))
+    }
+
+    /// Inertia's ∇ (kg m/s) with that of the particles, dt V0 P Fⁿᵀ (J s), at all nodes.
+    fn forces(&self, velocities: &Field<D>, stresses: &[Matrix<f64, D>]) -> Field<D> {
         let bring = |group: usize, shares: &mut [Vector<f64, D>]| {
             for p in self.step.topology.members(group) {
                 let (_, g) = self.step.topology.stencil(p);
@@ -178,7 +186,18 @@ impl<'a, const D: usize> Potential<'a, D> {
                 gradient[i][a] += node.mass * (dv - self.step.dt * self.problem.gravity[a]);
             }
         }
-        (energy, gradient)
+        gradient
+    }
+
+    /// Adds friction to all nodes' forces, and leaves of them what the system's nodes can follow.
+    fn complete(&self, velocities: &Field<D>, forces: &mut Field<D>) {
+        let (drags, slow) = self.drags();
+        for drag in drags {
+            let force = drag.gradient(&velocities[drag.node], slow);
+            (0..D).for_each(|a| forces[drag.node][a] += force[a]);
+        }
+        forces.truncate(self.step.boundary.freedoms.len());
+        project(&self.step.boundary.freedoms, forces);
     }
 
     /// S M S of a node.
@@ -284,20 +303,11 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
     }
 
     fn energy_and_gradient(&self, dv: &Field<D>, gradient: &mut Field<D>) -> f64 {
-        let (mut energy, mut forces) = self.energy_and_forces(dv);
-        let (drags, slow) = self.drags();
-        if !drags.is_empty() {
-            let velocities = self.velocities(dv);
-            energy += self.dissipation(&velocities);
-            for drag in drags {
-                let force = drag.gradient(&velocities[drag.node], slow);
-                (0..D).for_each(|a| forces[drag.node][a] += force[a]);
-            }
-        }
-        forces.truncate(self.step.boundary.freedoms.len());
-        project(&self.step.boundary.freedoms, &mut forces);
+        let (energy, mut forces) = self.energy_and_forces(dv);
+        let velocities = self.velocities(dv);
+        self.complete(&velocities, &mut forces);
         *gradient = forces;
-        energy
+        energy + self.dissipation(&velocities)
     }
 
     fn hessian(&self, dv: &Field<D>) -> Bsr<f64, D> {
@@ -321,6 +331,10 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
         let masses: Vec<f64> = coarse.nodes[..coarse.unknowns()].iter().map(|node| node.mass).collect();
         let matrix = assembly::assemble(&coarse.topology, &tensors, &masses, &coarse.boundary.freedoms);
         (coarse.topology.nodes[..coarse.unknowns()].to_vec(), matrix)
+    }
+
+    fn splitting<'a>(&'a self) -> Box<dyn Splitting<D> + 'a> {
+        Box::new(Split(self))
     }
 }
 

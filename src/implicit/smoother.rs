@@ -12,9 +12,10 @@ use crate::scene::schema as settings;
 use crate::sim::linalg::{Matrix, Vector, apply};
 use crate::sim::real::Real;
 
-/// Degree of the smoother's polynomial, and the part of the spectrum that it damps, [λ / RANGE, λ].
-pub const DEGREE: usize = 4;
-pub const RANGE: f64 = 30.0;
+/// Degree of the smoother's polynomial, and the part of the spectrum that it damps, [λ / RANGE, λ]. Measured: degree 4 over λ/30 takes a third
+/// less time a cycle, but twice the cycles where materials of 1e5 and 1e9 Pa meet.
+pub const DEGREE: usize = 8;
+pub const RANGE: f64 = 100.0;
 /// More than the largest eigenvalue of any D⁻¹A with as many blocks a row as there can be.
 const BOUND: f64 = 1e3;
 

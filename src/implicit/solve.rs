@@ -1,5 +1,6 @@
 //! The step's minimisation by the method that the scene names.
 
+use super::admm::alternate;
 use super::descent::descend;
 use super::hierarchy::Embedding;
 use super::lbfgs::QuasiNewton;
@@ -29,6 +30,6 @@ pub fn solve<const D: usize>(objective: &dyn Objective<D>, settings: &Implicit) 
         Method::PnPcgSgs => newton(Conditioning::GaussSeidel, characteristic),
         Method::PnMgpcg => newton(Conditioning::Multigrid(plan), characteristic),
         Method::Gast15 => newton(Conditioning::MatrixFree, Tolerance::global(settings.tolerance)),
-        Method::Admm => (objective.start(), Solve::default()),
+        Method::Admm => alternate(objective, characteristic, settings.max_iterations),
     }
 }
