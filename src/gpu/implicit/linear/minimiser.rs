@@ -15,8 +15,8 @@ use crate::sim::problem::Kernel;
 const TRIES: u32 = 2;
 /// Halvings before a direction is given up: 2⁻²⁴ of it is a rounding.
 const MAX_HALVINGS: u32 = 24;
-/// Energies that differ by no more than this part count as equal, as in `decide.wgsl`.
-const NOISE: f64 = 4.0 * f32::EPSILON as f64 / 2.0;
+/// Part of E that it must fall by to count as progress: more than the roundings of its sum.
+const PROGRESS: f64 = 32.0 * f32::EPSILON as f64;
 /// Iterations without progress in energy or residual after which rounding is all that is left.
 const STALLED: u32 = 8;
 /// Iterations after which the matrices are made anew where the minimisation stands and the history is dropped.
@@ -118,7 +118,7 @@ impl Run<'_> {
                 self.lbfgs.keep();
             }
             solve.residual = residual(&next);
-            let progress = energy(&at) - energy(&next) > NOISE * energy(&at).abs() || solve.residual < least;
+            let progress = energy(&at) - energy(&next) > PROGRESS * energy(&at).abs() || solve.residual < least;
             stalled = if progress { 0 } else { stalled + 1 };
             least = least.min(solve.residual);
             at = next;

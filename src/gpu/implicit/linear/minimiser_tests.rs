@@ -150,6 +150,9 @@ impl Evaluate for Quartic {
     fn record_hessian(&self, _: &mut wgpu::ComputePass) {}
 }
 
+/// Ten times what f32 reaches on these problems.
+const TOLERANCE: f64 = 1e-8;
+
 /// One problem with its solution.
 struct Case {
     sample: Sample,
@@ -210,12 +213,9 @@ impl Case {
         x
     }
 
-    /// Of two velocity increments over the second, by mass.
+    /// Of two velocity increments over the second, in the energy norm of A.
     fn distance(&self, x: &DVector<f64>, y: &DVector<f64>) -> f64 {
-        let norm = |x: &DVector<f64>| {
-            let energy = |i: usize| self.sample.masses[i] * x.rows(3 * i, 3).norm_squared();
-            (0..self.sample.rows()).map(energy).sum::<f64>().sqrt()
-        };
+        let norm = |x: &DVector<f64>| x.dot(&(&self.matrix * x)).sqrt();
         norm(&(x - y)) / norm(y)
     }
 
@@ -232,8 +232,9 @@ fn minima_are_newtons_and_repeatable() {
     let gpu = gpu();
     for kernel in KERNELS {
         for smoother in [Smoother::Chebyshev, Smoother::GaussSeidel] {
-            let mut minimiser = Minimiser::new(kernel, Implicit { smoother, ..Implicit::default() });
-            for (stiff_pa, kappa) in [(1e6, 1.0), (1e8, 10.0), (1e9, 100.0)] {
+            let settings = Implicit { smoother, tolerance: TOLERANCE, ..Implicit::default() };
+            let mut minimiser = Minimiser::new(kernel, settings);
+            for (stiff_pa, kappa) in [(1e6, 0.0), (1e8, 0.01), (1e9, 0.1)] {
                 let case = Case::new(&gpu, kernel, stiff_pa, kappa);
                 let (x, solve) = case.run(&gpu, &mut minimiser);
                 let solution = case.solution();
@@ -241,11 +242,11 @@ fn minima_are_newtons_and_repeatable() {
                     "{kernel:?} {smoother:?} {stiff_pa:e} κ {kappa:e}: {solve:?}, off by {:e}",
                     case.distance(&x, &solution)
                 );
-                assert!(solve.converged && solve.residual <= 1e-7);
+                assert!(solve.converged && solve.residual <= TOLERANCE);
                 // The device's own view of its residual is that of f64, to the roundings of its gradient.
-                assert!(case.residual(&x) < 2e-7, "{:e}", case.residual(&x));
-                // ε = 1e-7 is a bound on forces: Δv is known to some hundredths where soft nodes lie beside stiff ones.
-                assert!(case.distance(&x, &solution) < 0.05);
+                assert!(case.residual(&x) < 1.5 * TOLERANCE, "{:e}", case.residual(&x));
+                // ε bounds forces; soft modes have little of them.
+                assert!(case.distance(&x, &solution) < 0.1);
                 assert!(solve.iterations < 25);
                 let (again, same) = case.run(&gpu, &mut minimiser);
                 assert!(again == x && same == solve, "twice the same");
@@ -257,7 +258,7 @@ fn minima_are_newtons_and_repeatable() {
 #[test]
 fn rounding_ends_the_loop_and_is_owned_up_to() {
     let gpu = gpu();
-    let case = Case::new(&gpu, Kernel::Quadratic, 1e8, 10.0);
+    let case = Case::new(&gpu, Kernel::Quadratic, 1e8, 0.1);
     let mut minimiser = Minimiser::new(Kernel::Quadratic, Implicit { tolerance: 1e-14, ..Implicit::default() });
     let (x, solve) = case.run(&gpu, &mut minimiser);
     println!("{solve:?}, in f64 {:e}", case.residual(&x));
@@ -269,7 +270,7 @@ fn rounding_ends_the_loop_and_is_owned_up_to() {
 #[test]
 fn a_limit_on_iterations_and_a_start_that_is_not_finite() {
     let gpu = gpu();
-    let case = Case::new(&gpu, Kernel::Quadratic, 1e8, 10.0);
+    let case = Case::new(&gpu, Kernel::Quadratic, 1e8, 0.1);
     let mut minimiser = Minimiser::new(Kernel::Quadratic, Implicit { max_iterations: 2, ..Implicit::default() });
     let (_, solve) = case.run(&gpu, &mut minimiser);
     assert!(!solve.converged && solve.iterations == 2 && solve.inner_iterations == 2 && solve.levels == 3, "{solve:?}");
