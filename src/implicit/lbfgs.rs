@@ -60,7 +60,7 @@ impl<const D: usize> History<D> {
 
 /// The model of the Hessian at the step's start.
 enum Model<const D: usize> {
-    Cycle(Box<VCycle<f32, D>>),
+    Cycle(Box<VCycle<f64, D>>),
     Inexact(Bsr<f64, D>, Inexact<D>),
 }
 

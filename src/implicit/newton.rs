@@ -64,7 +64,7 @@ impl<const D: usize> Directions<D> for Newton {
                 self.solve(objective, at, &matrix, &mut SymmetricGaussSeidel { matrix: &matrix, sweeps }, p)
             }
             Conditioning::Multigrid(plan) => {
-                let mut cycle = VCycle::<f32, D>::new(objective, &at.dv, &matrix, &plan);
+                let mut cycle = VCycle::<f64, D>::new(objective, &at.dv, &matrix, &plan);
                 self.levels = cycle.depth();
                 self.solve(objective, at, &matrix, &mut cycle, p)
             }

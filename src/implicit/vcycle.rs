@@ -1,7 +1,7 @@
 //! One V-cycle as an approximate inverse (HOT algorithm 2).
 //!
-//! With a fixed coarse solve it is linear, symmetric and positive definite. Matrices and vectors of the cycle are in `T`: in f32 they take
-//! half the memory traffic, while the state that is solved for stays in f64 outside.
+//! With a fixed coarse solve it is linear, symmetric and positive definite. Matrices and vectors of the cycle are in `T`. f32 would halve the memory
+//! traffic, but loses the inertia of rigid motions where dt² E / ρ dx² nears 10⁷: aluminium in steps of 1/24 s then took nine times the iterations.
 
 use super::coarse::Coarsest;
 use super::galerkin::galerkin;
