@@ -36,7 +36,7 @@ fn nothing_has_its_final_name_before_it_is_complete() {
     let mut names: Vec<_> =
         std::fs::read_dir(directory.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     names.sort();
-    assert_eq!(names, ["out.csv", "out.mcap", "out.png"]);
+    assert_eq!(names, ["out.csv", "out.mcap", "out.png", "solver.csv"]);
 }
 
 #[test]
