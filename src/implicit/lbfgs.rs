@@ -12,11 +12,16 @@ use super::verbs::{axpy, dot};
 
 /// Pairs that are kept.
 const WINDOW: usize = 8;
-/// Iterations after which the first and every later model is made anew where the solver stands, and the history dropped. Where stiff bodies turn,
-/// the step's start is strained by far more than its end, so that the Hessian there is a poor guide; soft ones have converged by then. Measured: it
-/// halves the iterations where materials of 1e5 and 1e9 Pa meet.
-const FIRST: u32 = 3;
-const LATER: u32 = 16;
+/// Iterations that the first, the second and each later model of the Hessian serves for; then one is made anew where the solver stands. Where stiff
+/// bodies turn, the step's start is strained by far more than its end, so that the Hessian there is a poor guide; soft ones have converged by
+/// then. The history goes with the first model, for the same reason; later ones hand it on. Measured: half the iterations of models for 16 where
+/// materials of 1e5 and 1e9 Pa meet, and on the twisted bar.
+const LIFETIMES: [u32; 3] = [2, 3, 16];
+
+/// How long the next model serves, after so many.
+pub const fn lifetime(models: usize) -> u32 {
+    LIFETIMES[if models < LIFETIMES.len() { models } else { LIFETIMES.len() - 1 }]
+}
 
 struct Pair<const D: usize> {
     s: Field<D>,
@@ -58,7 +63,7 @@ impl<const D: usize> History<D> {
     }
 }
 
-/// The model of the Hessian at the step's start.
+/// A model of the Hessian.
 enum Model<const D: usize> {
     Cycle(Box<VCycle<f64, D>>),
     Inexact(Bsr<f64, D>, Inexact<D>),
@@ -83,17 +88,18 @@ impl<const D: usize> Preconditioner<D> for Model<D> {
 /// L-BFGS around a V-cycle, if there is a plan for one, else around conjugate gradients.
 pub struct QuasiNewton<const D: usize> {
     plan: Option<Plan>,
+    rebuild: bool,
     model: Option<Model<D>>,
     history: History<D>,
-    /// Iterations since the model was made, and how many it may serve for.
+    /// Iterations since the model was made, and models before it.
     age: u32,
-    lifetime: u32,
+    replaced: usize,
     nonzeros: u64,
 }
 
 impl<const D: usize> QuasiNewton<D> {
-    pub fn new(plan: Option<Plan>) -> Self {
-        Self { plan, model: None, history: History(VecDeque::new()), age: 0, lifetime: FIRST, nonzeros: 0 }
+    pub fn new(plan: Option<Plan>, rebuild: bool) -> Self {
+        Self { plan, rebuild, model: None, history: History(VecDeque::new()), age: 0, replaced: 0, nonzeros: 0 }
     }
 
     fn build(&mut self, objective: &dyn Objective<D>, dv: &Field<D>) -> Model<D> {
@@ -111,9 +117,11 @@ impl<const D: usize> QuasiNewton<D> {
 
 impl<const D: usize> Directions<D> for QuasiNewton<D> {
     fn direction(&mut self, objective: &dyn Objective<D>, at: &Point<D>, p: &mut Field<D>) -> u32 {
-        if self.age == self.lifetime {
-            (self.model, self.age, self.lifetime) = (None, 0, LATER);
-            self.history.0.clear();
+        if self.rebuild && self.age == lifetime(self.replaced) {
+            if self.replaced == 0 {
+                self.history.0.clear();
+            }
+            (self.model, self.age, self.replaced) = (None, 0, self.replaced + 1);
         }
         self.age += 1;
         let mut model = self.model.take().unwrap_or_else(|| self.build(objective, &at.dv));

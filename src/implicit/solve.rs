@@ -15,8 +15,9 @@ use crate::scene::schema::{Implicit, Method};
 pub fn solve<const D: usize>(objective: &dyn Objective<D>, settings: &Implicit) -> (Field<D>, Solve) {
     let plan = Plan::new(settings);
     let characteristic = Tolerance::characteristic(settings.tolerance);
-    let quasi_newton =
-        |plan: Option<Plan>| descend(objective, &mut QuasiNewton::new(plan), characteristic, settings.max_iterations);
+    let quasi_newton = |plan: Option<Plan>| {
+        descend(objective, &mut QuasiNewton::new(plan, settings.rebuild), characteristic, settings.max_iterations)
+    };
     let newton = |conditioning: Conditioning, tolerance: Tolerance| {
         descend(objective, &mut Newton::new(conditioning, tolerance), tolerance, settings.max_iterations)
     };

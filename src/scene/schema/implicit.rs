@@ -13,6 +13,9 @@ pub struct Implicit {
     pub levels: u32,
     pub smoother: Smoother,
     pub coarse_solve: CoarseSolve,
+    /// Whether the L-BFGS methods make their model of the Hessian anew within a step, after 2, 5 and then every 16 iterations; as published they
+    /// make it once a step.
+    pub rebuild: bool,
     /// A step ends unconverged after so many outer iterations, which the diagnostics say.
     pub max_iterations: u32,
 }
@@ -25,6 +28,7 @@ impl Default for Implicit {
             levels: 3,
             smoother: Smoother::Chebyshev,
             coarse_solve: CoarseSolve::Fixed,
+            rebuild: true,
             max_iterations: 1000,
         }
     }
@@ -46,7 +50,7 @@ pub enum Method {
     PnPcgSgs,
     /// Projected Newton, conjugate gradients preconditioned by HOT's V-cycle.
     PnMgpcg,
-    /// L-BFGS around an inexact solve with the Hessian at the step's start.
+    /// L-BFGS around an inexact solve with the Hessian.
     LbfgsH,
     /// L-BFGS around a V-cycle whose coarse matrices are assembled from particle quadrature.
     LbfgsGmg,

@@ -8,6 +8,7 @@ use crate::engine::{EngineError, Solve};
 use crate::gpu::device::Gpu;
 use crate::gpu::implicit::interface::{Evaluate, System};
 use crate::gpu::readback::read;
+use crate::implicit::lbfgs::lifetime;
 use crate::scene::schema::Implicit;
 use crate::sim::problem::Kernel;
 
@@ -19,8 +20,6 @@ const MAX_HALVINGS: u32 = 24;
 const PROGRESS: f64 = 32.0 * f32::EPSILON as f64;
 /// Iterations without progress in energy or residual after which rounding is all that is left.
 const STALLED: u32 = 8;
-/// Iterations after which the matrices are made anew where the minimisation stands and the history is dropped.
-const REBUILD: u32 = 16;
 /// More than any spectrum of a block-scaled matrix needs.
 const MAX_STRETCH: f32 = 256.0;
 
@@ -85,16 +84,19 @@ impl Run<'_> {
             return Ok(());
         }
         solve.residual = residual(&at);
-        let (mut least, mut stalled, mut age, mut stretch) = (solve.residual, 0, 0, 1.0);
+        let (mut least, mut stalled, mut stretch) = (solve.residual, 0, 1.0);
+        let (mut age, mut replaced) = (0, 0);
         loop {
             solve.converged = solve.residual <= settings.tolerance;
             if solve.converged || solve.iterations >= settings.max_iterations || stalled >= STALLED {
                 return Ok(());
             }
-            if age == REBUILD {
+            if settings.rebuild && age == lifetime(replaced) {
                 self.rebuild()?;
-                self.lbfgs.clear();
-                age = 0;
+                if replaced == 0 {
+                    self.lbfgs.clear();
+                }
+                (age, replaced) = (0, replaced + 1);
             }
             age += 1;
             solve.iterations += 1;
