@@ -7,6 +7,7 @@ use super::krylov::{Inexact, Preconditioner};
 use super::line_search::Point;
 use super::objective::{Field, Objective};
 use super::sparse::Bsr;
+use super::tolerance::residual;
 use super::vcycle::{Plan, VCycle};
 use super::verbs::{axpy, dot};
 
@@ -18,9 +19,13 @@ const WINDOW: usize = 8;
 /// materials of 1e5 and 1e9 Pa meet, and on the twisted bar.
 const LIFETIMES: [u32; 3] = [2, 3, 16];
 
-/// How long the next model serves, after so many.
-pub const fn lifetime(models: usize) -> u32 {
-    LIFETIMES[if models < LIFETIMES.len() { models } else { LIFETIMES.len() - 1 }]
+/// Within so many times the tolerance an iteration will do, and a new model costs as much.
+const NEAR: f64 = 3.0;
+
+/// Whether the model, which `replaced` others, has served its `age` out; `excess` is the residual over the tolerance.
+pub fn outlived(age: u32, replaced: usize, excess: f64) -> bool {
+    let last = LIFETIMES.len() - 1;
+    age >= LIFETIMES[last] || (age >= LIFETIMES[replaced.min(last)] && excess > NEAR)
 }
 
 struct Pair<const D: usize> {
@@ -88,7 +93,8 @@ impl<const D: usize> Preconditioner<D> for Model<D> {
 /// L-BFGS around a V-cycle, if there is a plan for one, else around conjugate gradients.
 pub struct QuasiNewton<const D: usize> {
     plan: Option<Plan>,
-    rebuild: bool,
+    /// The tolerance (ε), if models are made anew within a step.
+    rebuild: Option<f64>,
     model: Option<Model<D>>,
     history: History<D>,
     /// Iterations since the model was made, and models before it.
@@ -98,7 +104,7 @@ pub struct QuasiNewton<const D: usize> {
 }
 
 impl<const D: usize> QuasiNewton<D> {
-    pub fn new(plan: Option<Plan>, rebuild: bool) -> Self {
+    pub fn new(plan: Option<Plan>, rebuild: Option<f64>) -> Self {
         Self { plan, rebuild, model: None, history: History(VecDeque::new()), age: 0, replaced: 0, nonzeros: 0 }
     }
 
@@ -117,7 +123,8 @@ impl<const D: usize> QuasiNewton<D> {
 
 impl<const D: usize> Directions<D> for QuasiNewton<D> {
     fn direction(&mut self, objective: &dyn Objective<D>, at: &Point<D>, p: &mut Field<D>) -> u32 {
-        if self.rebuild && self.age == lifetime(self.replaced) {
+        let excess = |tolerance: f64| residual(objective, &at.gradient) / tolerance;
+        if self.rebuild.is_some_and(|tolerance| outlived(self.age, self.replaced, excess(tolerance))) {
             if self.replaced == 0 {
                 self.history.0.clear();
             }

@@ -16,7 +16,12 @@ pub fn solve<const D: usize>(objective: &dyn Objective<D>, settings: &Implicit) 
     let plan = Plan::new(settings);
     let characteristic = Tolerance::characteristic(settings.tolerance);
     let quasi_newton = |plan: Option<Plan>| {
-        descend(objective, &mut QuasiNewton::new(plan, settings.rebuild), characteristic, settings.max_iterations)
+        descend(
+            objective,
+            &mut QuasiNewton::new(plan, settings.rebuild.then_some(settings.tolerance)),
+            characteristic,
+            settings.max_iterations,
+        )
     };
     let newton = |conditioning: Conditioning, tolerance: Tolerance| {
         descend(objective, &mut Newton::new(conditioning, tolerance), tolerance, settings.max_iterations)

@@ -8,7 +8,7 @@ use crate::engine::{EngineError, Solve};
 use crate::gpu::device::Gpu;
 use crate::gpu::implicit::interface::{Evaluate, System};
 use crate::gpu::readback::read;
-use crate::implicit::lbfgs::lifetime;
+use crate::implicit::lbfgs::outlived;
 use crate::scene::schema::Implicit;
 use crate::sim::problem::Kernel;
 
@@ -91,7 +91,7 @@ impl Run<'_> {
             if solve.converged || solve.iterations >= settings.max_iterations || stalled >= STALLED {
                 return Ok(());
             }
-            if settings.rebuild && age == lifetime(replaced) {
+            if settings.rebuild && outlived(age, replaced, solve.residual / settings.tolerance) {
                 self.rebuild()?;
                 if replaced == 0 {
                     self.lbfgs.clear();
