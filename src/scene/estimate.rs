@@ -151,9 +151,14 @@ fn device_memory_bytes(problem: &Problem, blocks: u64) -> Option<u64> {
     let table: u64 = problem.cells.iter().map(|&n| n.div_ceil(4) as u64).product();
     let particle = DEVICE_BYTES_PER_PARTICLE + 4 * channels * DEFORMATION_COPIES;
     let nodes = blocks * BLOCK_CELLS * grids;
-    let explicit = problem.dimension == 3 && problem.precision == crate::sim::problem::Precision::F32;
+    let on_device = problem.dimension == 3 && problem.precision == crate::sim::problem::Precision::F32;
     let particles = problem.total_particles() as u64 * particle;
-    explicit.then(|| particles + table * TABLE_BYTES_PER_BLOCK + nodes * NODE_BYTES + field_bytes(problem))
+    // f32 takes half of what the host's matrices take.
+    let matrices = match problem.integrator {
+        Integrator::Implicit => problem.total_particles() as u64 * MATRIX_BYTES_PER_PARTICLE / 2,
+        _ => 0,
+    };
+    on_device.then(|| particles + matrices + table * TABLE_BYTES_PER_BLOCK + nodes * NODE_BYTES + field_bytes(problem))
 }
 
 /// Blocks that sources will fill: the volume that they bring at rest, and as many beside it.

@@ -13,7 +13,7 @@ pub struct Implicit {
     pub levels: u32,
     pub smoother: Smoother,
     pub coarse_solve: CoarseSolve,
-    /// Whether the L-BFGS methods make their model of the Hessian anew within a step, after 2, 5 and then every 16 iterations; as published they
+    /// Whether the L-BFGS methods make their model of the Hessian anew within a step, after 2 and 5 iterations while far from the tolerance, and every 16; as published they
     /// make it once a step.
     pub rebuild: bool,
     /// A step ends unconverged after so many outer iterations, which the diagnostics say.
