@@ -142,9 +142,15 @@ impl<const D: usize> Directions<D> for QuasiNewton<D> {
     }
 
     fn retreat(&mut self, descending: bool) -> bool {
-        let had_history = !self.history.0.is_empty();
-        self.history.0.clear();
-        had_history || (!descending && self.model.as_mut().is_some_and(|model| model.strengthen()))
+        if !self.history.0.is_empty() {
+            self.history.0.clear();
+            return true;
+        }
+        if self.rebuild.is_some() && self.age > 1 {
+            (self.model, self.age, self.replaced) = (None, 0, self.replaced + 1);
+            return true;
+        }
+        !descending && self.model.as_mut().is_some_and(|model| model.strengthen())
     }
 
     fn size(&self) -> (u32, u64) {

@@ -5,8 +5,8 @@ use super::verbs::{axpy, dot};
 
 /// Halvings before the direction is given up.
 const MAX_HALVINGS: u32 = 30;
-/// Energies that differ by no more than this part count as equal.
-pub const NOISE: f64 = 4.0 * f64::EPSILON / 2.0;
+/// Energies that differ by no more than this part count as equal: roundings of sums over thousands of particles come to more than a few units.
+pub const NOISE: f64 = 16.0 * f64::EPSILON / 2.0;
 /// How far the slope must have fallen where energies are equal.
 const SLOPE: f64 = 0.8;
 

@@ -10,8 +10,8 @@ use super::timestep::{Bound, StepPlan, initial_extremes, limits, max_collider_sp
 
 /// Explicit particle-steps a second, fixed corotated, f32, two cores of a server (docs/BENCHMARKS.md, fixed-corotated-pair small).
 const EXPLICIT_PARTICLE_STEPS_PER_S: f64 = 9e6;
-/// Implicit particle-steps a second, HOT at ε = 1e-7 on the same cores, quadratic kernel: the first frames of the reduced HOT scenes had 12 thousand
-/// (twist, 29 iterations a step) to 90 thousand (boxes, 2.5); low, so that what is nearly even stays explicit (docs/BENCHMARKS.md).
+/// Implicit particle-steps a second, HOT at ε = 1e-7 on the same cores, quadratic kernel: the first frames of the reduced HOT scenes had 13 thousand
+/// (donut, 25 iterations a step) to 135 thousand (faceless, 3); low, so that what is nearly even stays explicit (docs/BENCHMARKS.md).
 const IMPLICIT_PARTICLE_STEPS_PER_S: f64 = 2e4;
 
 /// The shortest implicit step (s); whatever moves faster than cfl dx in it is an error of the scene.
