@@ -108,7 +108,7 @@ impl<const D: usize> Boundary<D> {
     }
 
     /// Lets go of nodes that a separating surface pulls back instead of pushing, if that is not just noise beside what is pushed: all surfaces
-    /// together pull more than [`PULL`] of their push. Returns whether any was let go.
+    /// together pull more than `PULL` of their push. Returns whether any was let go.
     pub fn release(&mut self, impulses: &[Vector<f64, D>]) -> bool {
         let (mut pull, mut push) = (0.0, 0.0);
         let mut pulled = Vec::new();

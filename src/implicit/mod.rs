@@ -16,7 +16,7 @@ pub mod galerkin;
 mod gauss_seidel;
 pub mod hierarchy;
 mod krylov;
-pub mod lbfgs;
+pub(crate) mod lbfgs;
 mod line_search;
 mod newton;
 pub mod objective;
