@@ -11,8 +11,8 @@ pub const STALLED: u32 = 8;
 
 /// Where to go next.
 pub trait Directions<const D: usize> {
-    /// −B ∇E with some B ≈ H⁻¹, and the linear solver's iterations.
-    fn direction(&mut self, objective: &dyn Objective<D>, at: &Point<D>, p: &mut Field<D>) -> u32;
+    /// −B ∇E with some B ≈ H⁻¹, and the linear solver's iterations; `residual` is that of the point in the characteristic norm.
+    fn direction(&mut self, objective: &dyn Objective<D>, at: &Point<D>, residual: f64, p: &mut Field<D>) -> u32;
 
     /// Told of a step and the gradient's change over it.
     fn learn(&mut self, step: Field<D>, change: Field<D>);
@@ -43,7 +43,7 @@ pub fn descend<const D: usize>(
             break;
         }
         solve.iterations += 1;
-        solve.inner_iterations += directions.direction(objective, &point, &mut p);
+        solve.inner_iterations += directions.direction(objective, &point, solve.residual, &mut p);
         project(&projections, &mut p);
         let descending = dot(&p, &point.gradient) < 0.0;
         let (found, halvings) = if descending { search(objective, &point, &p) } else { (None, 0) };

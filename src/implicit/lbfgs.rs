@@ -7,7 +7,6 @@ use super::krylov::{Inexact, Preconditioner};
 use super::line_search::Point;
 use super::objective::{Field, Objective};
 use super::sparse::Bsr;
-use super::tolerance::residual;
 use super::vcycle::{Plan, VCycle};
 use super::verbs::{axpy, dot};
 
@@ -122,9 +121,8 @@ impl<const D: usize> QuasiNewton<D> {
 }
 
 impl<const D: usize> Directions<D> for QuasiNewton<D> {
-    fn direction(&mut self, objective: &dyn Objective<D>, at: &Point<D>, p: &mut Field<D>) -> u32 {
-        let excess = |tolerance: f64| residual(objective, &at.gradient) / tolerance;
-        if self.rebuild.is_some_and(|tolerance| outlived(self.age, self.replaced, excess(tolerance))) {
+    fn direction(&mut self, objective: &dyn Objective<D>, at: &Point<D>, residual: f64, p: &mut Field<D>) -> u32 {
+        if self.rebuild.is_some_and(|tolerance| outlived(self.age, self.replaced, residual / tolerance)) {
             if self.replaced == 0 {
                 self.history.0.clear();
             }

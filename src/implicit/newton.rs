@@ -49,7 +49,7 @@ impl Newton {
 }
 
 impl<const D: usize> Directions<D> for Newton {
-    fn direction(&mut self, objective: &dyn Objective<D>, at: &Point<D>, p: &mut Field<D>) -> u32 {
+    fn direction(&mut self, objective: &dyn Objective<D>, at: &Point<D>, _residual: f64, p: &mut Field<D>) -> u32 {
         if let Conditioning::MatrixFree = self.conditioning {
             let operator = objective.linearised(&at.dv);
             let mut jacobi = BlockJacobi::new(&operator.diagonal());

@@ -11,7 +11,7 @@ use crate::implicit::step::{MIN_DT_S, max_speed_m_s, next_dt_s};
 use crate::scene::schema::{CoarseSolve, Method};
 use crate::sim::divergence::{Suspect, likely_cause};
 use crate::sim::particles::Particles;
-use crate::sim::problem::{Axis, Kernel, Precision, Problem, Transfer};
+use crate::sim::problem::{Axis, Problem};
 use crate::sim::reaction::{self, Reaction};
 
 /// Fewest cells along a periodic axis: no node may be its own neighbour's neighbour from both sides.
@@ -31,18 +31,7 @@ pub struct GpuImplicitEngine {
 
 /// Whether the engine can run a problem at all; the reason if not.
 pub fn supports(problem: &Problem) -> Result<(), String> {
-    if problem.dimension != 3 {
-        return Err("the GPU engine is 3D only".into());
-    }
-    if !matches!(problem.kernel, Kernel::Compact | Kernel::Quadratic) {
-        return Err("the GPU engine has the compact and the quadratic kernel".into());
-    }
-    if problem.transfer == Transfer::Pic {
-        return Err("the GPU engine has the transfers apic and mls".into());
-    }
-    if problem.precision != Precision::F32 {
-        return Err("the GPU engine is f32 only".into());
-    }
+    crate::gpu::supports(problem)?;
     if problem.implicit.method != Method::Hot {
         return Err("the GPU engine has the implicit method hot".into());
     }
