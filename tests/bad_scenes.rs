@@ -1,6 +1,6 @@
 //! A bad scene is refused with all its faults at once: pointer, code, reason and remedy of each.
 
-use gridfall::scene::{self, Fault, Limits};
+use gridfall_scene::{self as scene, Fault, Limits};
 use serde_json::{Value, json};
 
 fn good() -> Value {
@@ -473,9 +473,9 @@ fn material_parameters_out_of_range() {
         (r#""model": "von-mises", "yield_stress": 1e3, "elasticity": "hooke""#, "elasticity"),
     ] {
         let text = with(&format!("{{ {parameters}, {solid} }}"));
-        let scene = gridfall::scene::parse(&text);
+        let scene = gridfall_scene::parse(&text);
         let faults =
-            scene.and_then(|scene| gridfall::scene::problem(&scene, &Default::default()).map(drop)).unwrap_err();
+            scene.and_then(|scene| gridfall_scene::problem(&scene, &Default::default()).map(drop)).unwrap_err();
         assert_eq!(faults.len(), 1, "{faults:?}");
         assert_eq!(faults[0].pointer, format!("/materials/m/{pointer}"));
         assert!(!faults[0].remedy.is_empty());

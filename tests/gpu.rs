@@ -6,9 +6,9 @@ mod implicit;
 #[path = "gpu/isolated.rs"]
 mod isolated;
 
-use gridfall::engine::{Control, Engine, EngineError, FrameStats, NoControl};
-use gridfall::sim::particles::Particles;
-use gridfall::sim::problem::Problem;
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::Problem;
+use gridfall_engine::{Control, Engine, EngineError, FrameStats, NoControl};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -98,7 +98,7 @@ fn capacity_grows_without_losing_a_step() {
     );
     let mut engine = common::gpu_engine(&problem);
     let before = engine.device_bytes();
-    let mut cpu = gridfall::cpu::CpuEngine::new(&problem).unwrap();
+    let mut cpu = gridfall_engine::explicit::cpu::CpuEngine::new(&problem).unwrap();
     for _ in 0..3 {
         engine.advance_frame(problem.frame_s, &NoControl).unwrap();
         cpu.advance_frame(problem.frame_s, &NoControl).unwrap();
@@ -221,13 +221,13 @@ fn sources_emit_what_the_cpu_emits() {
     );
     let simulate = |engine: &mut dyn Engine| -> Vec<Particles> {
         let frame = |frame: u32| {
-            gridfall::run::advance(&problem, engine, frame, &NoControl).unwrap();
+            gridfall_recording::run::advance(&problem, engine, frame, &NoControl).unwrap();
             engine.snapshot().unwrap()
         };
         (0..problem.frames).map(frame).collect()
     };
     let gpu = simulate(&mut common::gpu_engine(&problem));
-    let cpu = simulate(&mut gridfall::cpu::CpuEngine::new(&problem).unwrap());
+    let cpu = simulate(&mut gridfall_engine::explicit::cpu::CpuEngine::new(&problem).unwrap());
     assert!(gpu[1].is_empty() && cpu[1].is_empty(), "the sources open later");
     assert_eq!(gpu[9].len(), problem.total_particles());
     for (gpu, cpu) in gpu.iter().zip(&cpu) {

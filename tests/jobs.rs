@@ -5,12 +5,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use gridfall::engine::{Backend, Control, Engine, EngineError, FrameStats};
-use gridfall::jobs::{DeviceState, EngineSource, OpenDevices, Worker};
-use gridfall::scene::Limits;
-use gridfall::sim::particles::Particles;
-use gridfall::sim::problem::Problem;
-use gridfall::store::{DataDir, Job, JobStore, NewJob, Status, Submission};
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::Problem;
+use gridfall_engine::{Backend, Control, Engine, EngineError, FrameStats};
+use gridfall_scene::Limits;
+use gridfall_service::jobs::{DeviceState, EngineSource, OpenDevices, Worker};
+use gridfall_service::store::{DataDir, Job, JobStore, NewJob, Status, Submission};
 use uuid::Uuid;
 
 const SCENE: &str = r#"{

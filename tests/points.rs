@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use gridfall::scene::assets::LocalFiles;
-use gridfall::scene::{self, Fault, Limits};
-use gridfall::sim::problem::Problem;
+use gridfall_core::sim::problem::Problem;
+use gridfall_scene::assets::LocalFiles;
+use gridfall_scene::{self as scene, Fault, Limits};
 use serde_json::{Value, json};
 
 /// A PLY of points, with velocities if a row has six numbers.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use gridfall::scene::{self, Limits, Scene};
+use gridfall_scene::{self as scene, Limits, Scene};
 
 /// Particles of a scene that runs on two cores in minutes.
 const MODEST: u64 = 100_000;

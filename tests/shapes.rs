@@ -2,9 +2,9 @@
 //!
 //! proptest draws the cases from a fixed seed (`TestRunner::deterministic`) and prints the smallest case that fails.
 
-use gridfall::scene::schema::{Collider, ContactKind, Scene, Shape};
-use gridfall::scene::{self, Limits};
-use gridfall::sim::collider::{Sdf, axis_angle, rotate, rotate_back};
+use gridfall_core::sim::collider::{Sdf, axis_angle, rotate, rotate_back};
+use gridfall_scene::schema::{Collider, ContactKind, Scene, Shape};
+use gridfall_scene::{self as scene, Limits};
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 use serde_json::json;
@@ -413,7 +413,7 @@ fn the_initial_state_is_the_rigid_motion_and_gradient_that_was_asked_for() {
         }
         let still = p.b.iter().all(|b| *b == [0.0; 9]);
         assert_eq!(still, transfer == "pic", "{kernel} {transfer}");
-        let rate = gridfall::sim::timestep::initial_extremes(&problem).affine_rate_1_s;
+        let rate = gridfall_core::sim::timestep::initial_extremes(&problem).affine_rate_1_s;
         let expected = if still { 0.0 } else { c.iter().map(|c| c * c).sum::<f64>().sqrt() };
         assert!((rate - expected).abs() < 1e-9, "{kernel} {transfer}: ‖C‖ = {rate}, {expected} expected");
     }

@@ -9,10 +9,10 @@ mod implicit;
 
 use std::collections::BTreeMap;
 
-use gridfall::cpu::{Stages, stages};
-use gridfall::gpu::{GridNode, Staged};
-use gridfall::sim::particles::Particles;
-use gridfall::sim::problem::{Kernel, Material, Precision, Problem, Transfer};
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::{Kernel, Material, Precision, Problem, Transfer};
+use gridfall_engine::explicit::cpu::{Stages, stages};
+use gridfall_engine::gpu::{GridNode, Staged};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -215,7 +215,7 @@ fn planted_errors_are_caught() {
 /// Fused steps are the separate ones: many steps in one frame against the CPU's engine stages.
 #[test]
 fn fused_steps_follow_the_reference() {
-    use gridfall::engine::{Engine, NoControl};
+    use gridfall_engine::{Engine, NoControl};
     for (kernel, transfer, materials) in [
         ("compact", "mls", ELASTIC),
         ("quadratic", "apic", ELASTIC),
@@ -225,7 +225,9 @@ fn fused_steps_follow_the_reference() {
         let problem = Problem { max_dt_s: Some(DT_S), cfl: 1.0, ..scene(kernel, transfer, materials) };
         let mut gpu = common::gpu_engine(&problem);
         let stats = gpu.advance_frame(40.0 * DT_S, &NoControl).unwrap();
-        let mut cpu = gridfall::cpu::CpuEngine::new(&Problem { precision: Precision::F64, ..problem.clone() }).unwrap();
+        let mut cpu =
+            gridfall_engine::explicit::cpu::CpuEngine::new(&Problem { precision: Precision::F64, ..problem.clone() })
+                .unwrap();
         let reference = cpu.advance_frame(40.0 * DT_S, &NoControl).unwrap();
         assert_eq!(stats.steps, reference.steps);
         let d = compare_particles(&gpu.snapshot().unwrap(), &cpu.snapshot().unwrap(), problem.dx);

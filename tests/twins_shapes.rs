@@ -4,9 +4,9 @@ mod common;
 
 use std::collections::BTreeMap;
 
-use gridfall::cpu::stages;
-use gridfall::gpu::Staged;
-use gridfall::sim::problem::{Precision, Problem};
+use gridfall_core::sim::problem::{Precision, Problem};
+use gridfall_engine::explicit::cpu::stages;
+use gridfall_engine::gpu::Staged;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};

@@ -1,7 +1,7 @@
 //! `gridfall verify --quick`, as a test: every case on the CPU, and one on the software GPU.
 
-use gridfall::backend::{Choice, Devices};
 use gridfall::verify::{self, CASES, Extent, Target};
+use gridfall_engine::choice::{Choice, Devices};
 
 fn passes(name: &str, devices: &Devices, target: Target) {
     let case = CASES.iter().find(|case| case.name == name).unwrap();

@@ -5,10 +5,10 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 use serde_json::json;
 
-use crate::engine::{Control, Engine, EngineError};
-use crate::run;
-use crate::scene::{self, Fault, Limits};
-use crate::sim::problem::{Kernel, Method, Problem};
+use gridfall_core::sim::problem::{Kernel, Method, Problem};
+use gridfall_engine::{Control, Engine, EngineError};
+use gridfall_recording::run;
+use gridfall_scene::{self as scene, Fault, Limits};
 
 /// The reduced scenes: names without `-small`, and documents.
 pub const SCENES: [(&str, &str); 11] = [

@@ -3,7 +3,7 @@
 use clap::Args;
 
 use super::CliError;
-use crate::gpu;
+use gridfall_engine::gpu;
 
 /// List GPU adapters, and whether the engine can use them.
 #[derive(Debug, Args)]

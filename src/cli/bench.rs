@@ -7,9 +7,9 @@ use serde::de::DeserializeOwned;
 
 use super::device::DeviceArguments;
 use super::{CliError, bench_implicit};
-use crate::backend::Devices;
 use crate::bench::{self, BenchError, CASES, Row, Size};
-use crate::sim::problem::{Kernel, Precision};
+use gridfall_core::sim::problem::{Kernel, Precision};
+use gridfall_engine::choice::Devices;
 
 /// Measure speed: particle-steps a second, GPU time per stage, share of the memory bandwidth.
 #[derive(Debug, Args)]

@@ -7,9 +7,9 @@ use clap::Args;
 use super::CliError;
 use super::bench::{name, named};
 use super::device::DeviceArguments;
-use crate::backend::Devices;
 use crate::bench::implicit::{Case, REFERENCE, Row, SCENES, labels};
-use crate::sim::problem::Kernel;
+use gridfall_core::sim::problem::Kernel;
+use gridfall_engine::choice::Devices;
 
 /// Compare the methods of the implicit integrator on reduced scenes of the HOT paper: time, outer and inner iterations, ratio to hot.
 #[derive(Debug, Args)]

@@ -11,10 +11,10 @@ use serde_json::json;
 use super::CliError;
 use super::device::DeviceArguments;
 use super::run::{integration, load};
-use crate::backend::Devices;
-use crate::engine::{Backend, Control, EngineError};
-use crate::scene::estimate::{Estimate, Integration, Limit, estimate};
-use crate::sim::problem::Problem;
+use gridfall_core::sim::problem::Problem;
+use gridfall_engine::choice::Devices;
+use gridfall_engine::{Backend, Control, EngineError};
+use gridfall_scene::estimate::{Estimate, Integration, Limit, estimate};
 
 /// Wall time of a calibration (s); a device gets as much again to warm up.
 const CALIBRATION_S: f64 = 2.0;

@@ -17,7 +17,7 @@ use super::device::DeviceArguments;
 use super::run::bar;
 use super::serve::{opener, runtime};
 use super::{CliError, interrupt};
-use crate::http::{self, Config, Options};
+use gridfall_service::http::{self, Config, Options};
 
 /// Works from anywhere: the scene is in the program.
 const SCENE: &str = include_str!("../../scenes/quickstart.json");

@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 
-use crate::backend::Choice;
+use gridfall_engine::choice::Choice;
 
 #[derive(Clone, Debug, Args)]
 pub struct DeviceArguments {

@@ -17,7 +17,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::scene::Fault;
+use gridfall_scene::Fault;
 
 /// A headless, GPU-first compute service for the material point method (MPM).
 #[derive(Debug, Parser)]

@@ -11,12 +11,12 @@ use serde_json::json;
 
 use super::device::DeviceArguments;
 use super::{CliError, interrupt};
-use crate::backend::Devices;
-use crate::engine::{Backend, Control, EngineError};
-use crate::run::{self, FrameReport, Observer, Outputs, RunError};
-use crate::scene::assets::LocalFiles;
-use crate::scene::{self, Limits, Scene};
-use crate::sim::problem::Problem;
+use gridfall_core::sim::problem::Problem;
+use gridfall_engine::choice::Devices;
+use gridfall_engine::{Backend, Control, EngineError};
+use gridfall_recording::run::{self, FrameReport, Observer, Outputs, RunError};
+use gridfall_scene::assets::LocalFiles;
+use gridfall_scene::{self as scene, Limits, Scene};
 
 /// Run a scene here, without a server, and write its recording.
 #[derive(Debug, Args)]
@@ -68,7 +68,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let interrupted = interrupt::flag().map_err(|error| CliError::Failed(error.to_string()))?;
     let started = Instant::now();
     let progress = Progress { bar: bar(u64::from(problem.frames)), interrupted, particles, started };
-    let ran = run::run(&scene, &problem, engine.as_mut(), &outputs, &progress);
+    let ran = run::run(&scene.to_json(), &problem, engine.as_mut(), &outputs, &progress);
     progress.bar.finish_and_clear();
     let summary = ran.map_err(|error| match error {
         RunError::Engine(EngineError::Canceled) => {

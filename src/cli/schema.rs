@@ -5,7 +5,8 @@ use std::io::{self, Write};
 use clap::{Args, ValueEnum};
 
 use super::CliError;
-use crate::{http, scene};
+use gridfall_scene as scene;
+use gridfall_service::http;
 
 /// Print the JSON Schema of scenes or the OpenAPI document of the server.
 #[derive(Debug, Args)]

@@ -9,9 +9,9 @@ use tracing_subscriber::EnvFilter;
 
 use super::device::DeviceArguments;
 use super::{CliError, interrupt};
-use crate::backend::Devices;
-use crate::http::{self, Config, Options};
-use crate::jobs::{EngineSource, OpenDevices};
+use gridfall_engine::choice::Devices;
+use gridfall_service::http::{self, Config, Options};
+use gridfall_service::jobs::{EngineSource, OpenDevices};
 
 /// Run the server. It ends gracefully on SIGINT and SIGTERM: the running job goes back into the queue.
 #[derive(Debug, Args)]

@@ -8,9 +8,9 @@ use serde::Serialize;
 
 use super::CliError;
 use super::device::DeviceArguments;
-use crate::backend::{Choice, Devices};
-use crate::provenance;
 use crate::verify::{self, CASES, Case, Curve, Extent, Row, Target};
+use gridfall_engine::choice::{Choice, Devices};
+use gridfall_recording::provenance;
 
 /// Check this build and this machine against known answers. Exit code 1 if a row fails.
 ///

@@ -12,8 +12,8 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use super::surface;
 use super::writer::WORLD;
-use crate::sim::collider::{Collider, Primitive, Sdf, SdfOp};
-use crate::sim::problem::Problem;
+use gridfall_core::sim::collider::{Collider, Primitive, Sdf, SdfOp};
+use gridfall_core::sim::problem::Problem;
 
 /// Cells along the longest side of a meshed collider.
 const RESOLUTION: usize = 64;
@@ -146,7 +146,7 @@ fn draw(problem: &Problem, collider: &Collider, entity: &mut SceneEntity) {
     entity.triangles.push(TriangleListPrimitive {
         pose: Some(Pose {
             position: Some(vector([0.0; 3])),
-            orientation: Some(quaternion(&crate::sim::particles::IDENTITY)),
+            orientation: Some(quaternion(&gridfall_core::sim::particles::IDENTITY)),
         }),
         points: mesh.vertices.into_iter().map(point).collect(),
         color,
@@ -163,7 +163,7 @@ fn domain_outline(problem: &Problem) -> LinePrimitive {
         r#type: line_primitive::Type::LineList.into(),
         pose: Some(Pose {
             position: Some(vector([0.0; 3])),
-            orientation: Some(quaternion(&crate::sim::particles::IDENTITY)),
+            orientation: Some(quaternion(&gridfall_core::sim::particles::IDENTITY)),
         }),
         thickness: 1.0,
         scale_invariant: true,

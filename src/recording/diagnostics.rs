@@ -7,7 +7,7 @@ use prost::Message;
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
 
-use crate::sim::diagnostics::{Row, SolverRow, Value};
+use gridfall_core::sim::diagnostics::{Row, SolverRow, Value};
 
 /// Full name of the message of a frame.
 pub const SCHEMA_NAME: &str = "gridfall.Diagnostics";
@@ -139,8 +139,8 @@ mod tests {
 
     #[test]
     fn the_published_proto_file_describes_the_messages() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/api/gridfall_diagnostics.proto");
-        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/api");
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../api/gridfall_diagnostics.proto");
+        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../api");
         let mut compiled = protox::compile([path], [root]).unwrap();
         compiled.file.iter_mut().for_each(|file| file.source_code_info = None);
         assert_eq!(compiled, descriptor_set());

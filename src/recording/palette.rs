@@ -1,6 +1,6 @@
 //! Colours of particles, the same in point clouds and pictures: a hue for each body, brighter where it moves fast.
 
-use crate::sim::problem::{Material, Problem};
+use gridfall_core::sim::problem::{Material, Problem};
 
 /// Linear RGB, 0 to 1.
 pub type Rgb = [f32; 3];

@@ -5,10 +5,10 @@ use foxglove::messages::{PackedElementField, PointCloud, Pose, Quaternion, Times
 use rayon::prelude::*;
 
 use super::palette::{Palette, to_srgb};
-use crate::material;
-use crate::sim::diagnostics::determinant;
-use crate::sim::particles::Particles;
-use crate::sim::problem::{Field, Problem};
+use gridfall_core::material;
+use gridfall_core::sim::diagnostics::determinant;
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::{Field, Problem};
 
 /// Which particles are recorded and how a point is laid out; the same for all frames.
 pub struct Points {

@@ -17,11 +17,11 @@ use sha2::{Digest, Sha256};
 use super::picture::Camera;
 use super::points::Points;
 use super::{RecordingError, colliders, diagnostics, partial_path, publish};
-use crate::engine::Backend;
 use crate::provenance;
-use crate::sim::diagnostics::{Row, SolverRow};
-use crate::sim::particles::Particles;
-use crate::sim::problem::Problem;
+use gridfall_core::sim::diagnostics::{Row, SolverRow};
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::Problem;
+use gridfall_engine::Backend;
 
 /// Coordinate frame of all that stands still.
 pub const WORLD: &str = "world";

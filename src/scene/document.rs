@@ -6,7 +6,7 @@ use std::fmt;
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};
 
-use super::fault::{Fault, join};
+use crate::fault::{Fault, join};
 
 /// Reads a JSON document. Faults of syntax name line and column; there can be one only.
 pub fn read(text: &str) -> Result<Value, Vec<Fault>> {

@@ -3,12 +3,12 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::sim::cost::{self, Prediction};
-use crate::sim::problem::{Axis, Integrator, Kernel, Material, Problem};
-use crate::sim::timestep::Bound;
+use gridfall_core::sim::cost::{self, Prediction};
+use gridfall_core::sim::problem::{Axis, Integrator, Kernel, Material, Problem};
+use gridfall_core::sim::timestep::Bound;
 
 /// Host memory a particle (bytes): its state in the problem, in the CPU engine while it is binned anew, and in a snapshot.
-pub(super) const HOST_BYTES_PER_PARTICLE: u64 = 1024;
+pub(crate) const HOST_BYTES_PER_PARTICLE: u64 = 1024;
 /// Host memory a particle (bytes) of the implicit integrator's matrices at 8 particles a cell: two nodes a cell at a body's size, 125 blocks of
 /// 9 f64 a node, and the coarser levels.
 const MATRIX_BYTES_PER_PARTICLE: u64 = 3072;
@@ -132,7 +132,7 @@ pub fn estimate(problem: &Problem) -> Estimate {
 }
 
 /// Host memory (bytes) of a run with so many particles on so large a grid; known before anything is allocated.
-pub(super) fn memory_bytes(particles: u64, cells: [u64; 3], integrator: Integrator) -> u64 {
+pub(crate) fn memory_bytes(particles: u64, cells: [u64; 3], integrator: Integrator) -> u64 {
     let blocks = cells.iter().fold(1u64, |n, cells| n.saturating_mul(cells.div_ceil(4)));
     let matrices = if integrator == Integrator::Implicit { MATRIX_BYTES_PER_PARTICLE } else { 0 };
     particles
@@ -151,7 +151,7 @@ fn device_memory_bytes(problem: &Problem, blocks: u64) -> Option<u64> {
     let table: u64 = problem.cells.iter().map(|&n| n.div_ceil(4) as u64).product();
     let particle = DEVICE_BYTES_PER_PARTICLE + 4 * channels * DEFORMATION_COPIES;
     let nodes = blocks * BLOCK_CELLS * grids;
-    let on_device = problem.dimension == 3 && problem.precision == crate::sim::problem::Precision::F32;
+    let on_device = problem.dimension == 3 && problem.precision == gridfall_core::sim::problem::Precision::F32;
     let particles = problem.total_particles() as u64 * particle;
     // f32 takes half of what the host's matrices take.
     let matrices = match problem.integrator {
@@ -164,7 +164,8 @@ fn device_memory_bytes(problem: &Problem, blocks: u64) -> Option<u64> {
 /// Blocks that sources will fill: the volume that they bring at rest, and as many beside it.
 fn emitted_blocks(problem: &Problem) -> u64 {
     let block = (4.0 * problem.dx).powi(problem.dimension as i32);
-    let volume = |source: &crate::sim::source::Source| source.total() as f64 * problem.bodies[source.body].volume0;
+    let volume =
+        |source: &gridfall_core::sim::source::Source| source.total() as f64 * problem.bodies[source.body].volume0;
     (2.0 * problem.sources.iter().map(volume).sum::<f64>() / block).ceil() as u64
 }
 

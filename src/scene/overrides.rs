@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value};
 
-use super::fault::Fault;
+use crate::fault::Fault;
 
 /// Applies `solver.kernel=quadratic`, `bodies.0.velocity=[0,0,1]` or, where a name has dots, `/materials/wet.sand/density=1800`.
 ///

@@ -6,8 +6,8 @@ use npyz::{NpyFile, Order};
 use zip::ZipArchive;
 use zip::result::ZipError;
 
-use super::mesh::ply;
-use crate::sim::particles::IDENTITY;
+use crate::mesh::ply;
+use gridfall_core::sim::particles::IDENTITY;
 
 /// Numbers of one array at most: 1 GiB.
 const MAX_NUMBERS: u64 = 1 << 27;

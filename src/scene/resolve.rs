@@ -3,13 +3,13 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use super::Limits;
-use super::assets::{Assets, Refusal, Source};
-use super::fault::{Faults, join};
-use super::mesh::{self, MAX_SAMPLES, Plan, TriangleMesh, heightfield};
-use super::points;
-use super::schema::{Fill, Points, Scene, Shape};
-use crate::sim::collider::Field;
+use crate::Limits;
+use crate::assets::{Assets, Refusal, Source};
+use crate::fault::{Faults, join};
+use crate::mesh::{self, MAX_SAMPLES, Plan, TriangleMesh, heightfield};
+use crate::points;
+use crate::schema::{Fill, Points, Scene, Shape};
+use gridfall_core::sim::collider::Field;
 
 /// Samples of a field along a cell of the grid.
 const SAMPLES_PER_CELL: f64 = 2.0;

@@ -8,9 +8,9 @@ use std::sync::LazyLock;
 
 use serde_json::{Map, Value, json};
 
-use super::fault::{Fault, Faults, join};
-use super::schema::Scene;
-use super::suggest::{closest, list, quote};
+use crate::fault::{Fault, Faults, join};
+use crate::schema::Scene;
+use crate::suggest::{closest, list, quote};
 
 /// JSON Schema (2020-12) of a scene.
 pub fn schema() -> &'static Value {

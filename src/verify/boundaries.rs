@@ -8,10 +8,10 @@ use super::forced::Forced;
 use super::report::Rule;
 use super::session::Session;
 use super::setup::{Scheme, elastic, problem};
-use crate::engine::{EngineError, NoControl};
-use crate::sim::particles::Particles;
-use crate::sim::problem::{Kernel, Problem, Transfer};
-use crate::sim::timestep::{elastic_bounds_s, moduli};
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::{Kernel, Problem, Transfer};
+use gridfall_core::sim::timestep::{elastic_bounds_s, moduli};
+use gridfall_engine::{EngineError, NoControl};
 
 /// What the paper runs.
 const PAPER: Scheme = Scheme::new(2, Kernel::Quadratic, Transfer::Apic);

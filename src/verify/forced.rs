@@ -3,10 +3,10 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::cpu::{NodeState, Stages, stages};
-use crate::sim::moments::moment_matrix;
-use crate::sim::particles::Particles;
-use crate::sim::problem::{Problem, Transfer};
+use gridfall_core::sim::moments::moment_matrix;
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::{Problem, Transfer};
+use gridfall_engine::explicit::cpu::{NodeState, Stages, stages};
 
 /// A simulation at a fixed step, without the guards of the engine.
 pub struct Forced {

@@ -8,10 +8,10 @@ use super::Case;
 use super::report::Rule;
 use super::session::Session;
 use super::setup::{Scheme, Vec3, elastic, problem, set_velocity};
-use crate::engine::{Engine, EngineError, NoControl};
-use crate::implicit::ImplicitEngine;
-use crate::sim::particles::Particles;
-use crate::sim::problem::{Integrator, Kernel, Problem, Transfer};
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::{Integrator, Kernel, Problem, Transfer};
+use gridfall_engine::implicit::ImplicitEngine;
+use gridfall_engine::{Engine, EngineError, NoControl};
 
 /// MLS with the kernels that the paper and this build solve implicitly.
 const SCHEMES: [Scheme; 2] =

@@ -6,8 +6,8 @@ use super::Case;
 use super::report::Rule;
 use super::session::Session;
 use super::setup::{Scheme, centre, elastic, problem, sums};
-use crate::engine::{EngineError, NoControl};
-use crate::sim::problem::{Kernel, Transfer};
+use gridfall_core::sim::problem::{Kernel, Transfer};
+use gridfall_engine::{EngineError, NoControl};
 
 const COMPACT: Scheme = Scheme::new(3, Kernel::Compact, Transfer::Mls);
 const QUADRATIC: Scheme = Scheme::new(3, Kernel::Quadratic, Transfer::Mls);

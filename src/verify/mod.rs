@@ -22,7 +22,7 @@ mod von_neumann;
 pub use report::{Curve, Row, Rule, curve_csv, number};
 pub use session::{Extent, Session, Target};
 
-use crate::backend::Devices;
+use gridfall_engine::choice::Devices;
 
 /// A claim about the simulation that can be checked.
 pub struct Case {
@@ -35,7 +35,7 @@ pub struct Case {
     pub gpu: bool,
     /// Part of a quick run.
     pub quick: bool,
-    run: fn(&mut Session) -> Result<(), crate::engine::EngineError>,
+    run: fn(&mut Session) -> Result<(), gridfall_engine::EngineError>,
 }
 
 /// All cases, in the order in which they run.

@@ -6,8 +6,8 @@ use super::Case;
 use super::report::Rule;
 use super::session::{Session, Target};
 use super::setup::{Scheme, centre, elastic, minus, momentum, norm, problem, sums, vector};
-use crate::engine::{EngineError, NoControl};
-use crate::sim::problem::{Kernel, Transfer};
+use gridfall_core::sim::problem::{Kernel, Transfer};
+use gridfall_engine::{EngineError, NoControl};
 
 pub const FREE_FALL: Case = Case {
     name: "free-fall",
@@ -182,7 +182,7 @@ fn rotating_rod(session: &mut Session) -> Result<(), EngineError> {
                               "shape": { "cylinder": { "center": center, "axis": [0, 1, 0], "radius": 2.0 * dx, "height": 2.0 * half } } } ],
             }),
         );
-        let spin = |row: &crate::sim::diagnostics::Row| {
+        let spin = |row: &gridfall_core::sim::diagnostics::Row| {
             [row.angular_momentum_x, row.angular_momentum_y, row.angular_momentum_z]
         };
         // About the origin, of a body whose centre rests.

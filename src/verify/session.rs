@@ -2,11 +2,11 @@
 
 use super::report::{Curve, Row, Rule};
 use super::setup::Scheme;
-use crate::backend::Devices;
-use crate::cpu::CpuEngine;
-use crate::engine::{Engine, EngineError};
-use crate::gpu::GpuEngine;
-use crate::sim::problem::{Kernel, Precision, Problem, Transfer};
+use gridfall_core::sim::problem::{Kernel, Precision, Problem, Transfer};
+use gridfall_engine::choice::Devices;
+use gridfall_engine::explicit::cpu::CpuEngine;
+use gridfall_engine::gpu::GpuEngine;
+use gridfall_engine::{Engine, EngineError};
 
 /// The engine that a case runs on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,12 +5,12 @@ use std::fmt;
 use serde_json::{Value, json};
 
 use super::session::Session;
-use crate::engine::FrameStats;
-use crate::scene::{self, Limits};
-use crate::sim::diagnostics;
-use crate::sim::moments::moment_matrix;
-use crate::sim::particles::Particles;
-use crate::sim::problem::{Kernel, Problem, Transfer};
+use gridfall_core::sim::diagnostics;
+use gridfall_core::sim::moments::moment_matrix;
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::{Kernel, Problem, Transfer};
+use gridfall_engine::FrameStats;
+use gridfall_scene::{self as scene, Limits};
 
 pub type Vec3 = [f64; 3];
 

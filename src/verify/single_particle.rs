@@ -9,10 +9,10 @@ use super::forced::{Forced, add_noise};
 use super::report::Rule;
 use super::session::Session;
 use super::setup::{Scheme, elastic, problem};
-use crate::engine::EngineError;
-use crate::sim::particles::IDENTITY;
-use crate::sim::problem::{Kernel, Problem, Transfer};
-use crate::sim::timestep::{elastic_bounds_s, moduli};
+use gridfall_core::sim::particles::IDENTITY;
+use gridfall_core::sim::problem::{Kernel, Problem, Transfer};
+use gridfall_core::sim::timestep::{elastic_bounds_s, moduli};
+use gridfall_engine::EngineError;
 
 pub const SINGLE_PARTICLE: Case = Case {
     name: "single-particle",

@@ -6,8 +6,8 @@ use super::Case;
 use super::report::Rule;
 use super::session::Session;
 use super::setup::{Scheme, centre, elastic, problem, vector};
-use crate::engine::{EngineError, NoControl};
-use crate::sim::problem::{Kernel, Transfer};
+use gridfall_core::sim::problem::{Kernel, Transfer};
+use gridfall_engine::{EngineError, NoControl};
 
 pub const SLIDING_BLOCK: Case = Case {
     name: "sliding-block",

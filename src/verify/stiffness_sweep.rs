@@ -6,10 +6,10 @@ use super::Case;
 use super::report::Rule;
 use super::session::Session;
 use super::setup::{Scheme, problem};
-use crate::engine::{Engine, EngineError, NoControl};
-use crate::implicit::ImplicitEngine;
-use crate::sim::particles::Particles;
-use crate::sim::problem::{CoarseSolve, Integrator, Kernel, Problem, Smoother, Transfer};
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::{CoarseSolve, Integrator, Kernel, Problem, Smoother, Transfer};
+use gridfall_engine::implicit::ImplicitEngine;
+use gridfall_engine::{Engine, EngineError, NoControl};
 
 pub const STIFFNESS_SWEEP: Case = Case {
     name: "stiffness-sweep",

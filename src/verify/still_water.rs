@@ -9,9 +9,9 @@ use super::forced::Forced;
 use super::report::Rule;
 use super::session::Session;
 use super::setup::{Scheme, problem, vector};
-use crate::engine::EngineError;
-use crate::sim::problem::{Kernel, Problem, Transfer};
-use crate::sim::timestep::material_bound;
+use gridfall_core::sim::problem::{Kernel, Problem, Transfer};
+use gridfall_core::sim::timestep::material_bound;
+use gridfall_engine::EngineError;
 
 pub const STILL_WATER: Case = Case {
     name: "still-water",

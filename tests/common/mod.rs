@@ -2,9 +2,9 @@
 
 use std::sync::{Arc, OnceLock};
 
-use gridfall::gpu::{Gpu, GpuEngine};
-use gridfall::scene;
-use gridfall::sim::problem::Problem;
+use gridfall_core::sim::problem::Problem;
+use gridfall_engine::gpu::{Gpu, GpuEngine};
+use gridfall_scene as scene;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
@@ -33,7 +33,7 @@ pub fn gpu_engine(problem: &Problem) -> GpuEngine {
 
 /// Random velocities, affine moments and deformations of realistic size: |v| ~ 1 m/s, |C| ~ 0.1 v/dx, strain ~ 0.1 after a rotation.
 pub fn randomise(problem: &mut Problem, rng: &mut ChaCha8Rng) {
-    use gridfall::sim::problem::Material;
+    use gridfall_core::sim::problem::Material;
     let dx = problem.dx;
     for id in 0..problem.particles.len() {
         let p = &mut problem.particles;

@@ -1,10 +1,10 @@
 //! The implicit engine on the GPU: the CPU's motion, repeatable, through every kind of frame.
 
-use gridfall::engine::{Engine, FrameStats, NoControl};
-use gridfall::gpu::implicit::{GpuImplicitEngine, supports};
-use gridfall::implicit::ImplicitEngine;
-use gridfall::sim::particles::Particles;
-use gridfall::sim::problem::Problem;
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::Problem;
+use gridfall_engine::gpu::implicit::{GpuImplicitEngine, supports};
+use gridfall_engine::implicit::ImplicitEngine;
+use gridfall_engine::{Engine, FrameStats, NoControl};
 
 use super::common;
 
@@ -120,8 +120,8 @@ fn sources_emit_what_the_cpu_emits() {
 
 #[test]
 fn what_it_cannot_run_is_said() {
-    use gridfall::scene::schema::Method;
-    use gridfall::sim::problem::{Kernel, Precision, Transfer};
+    use gridfall_core::sim::problem::{Kernel, Precision, Transfer};
+    use gridfall_scene::schema::Method;
     type Change<'a> = (&'a str, &'a dyn Fn(&mut Problem));
     let problem = scene("compact", "mls");
     assert_eq!(supports(&problem), Ok(()));

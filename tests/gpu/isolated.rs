@@ -1,12 +1,12 @@
 //! A particle that shares no node with another is reset at the frame's end, on both engines; nothing else is, and the step is planned
 //! for the stiffness that a deformation brings.
 
-use gridfall::cpu::CpuEngine;
-use gridfall::engine::{Engine, NoControl};
-use gridfall::scene::estimate::estimate;
-use gridfall::sim::diagnostics::Row;
-use gridfall::sim::particles::Particles;
-use gridfall::sim::problem::{Precision, Problem};
+use gridfall_core::sim::diagnostics::Row;
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::{Precision, Problem};
+use gridfall_engine::explicit::cpu::CpuEngine;
+use gridfall_engine::{Engine, NoControl};
+use gridfall_scene::estimate::estimate;
 
 use crate::common;
 

@@ -7,7 +7,7 @@ use serde_json::Value;
 fn the_document_in_the_repository_is_current() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/api/openapi.json");
     let kept = std::fs::read_to_string(path).unwrap();
-    let current = gridfall::http::document_json();
+    let current = gridfall_service::http::document_json();
     assert!(kept == current, "api/openapi.json is out of date: run `gridfall schema openapi > api/openapi.json`");
 }
 
@@ -16,7 +16,7 @@ fn the_server_has_every_documented_operation_and_serves_the_document() {
     let dir = tempfile::tempdir().unwrap();
     let server = Server::start(dir.path());
     let document = server.get("/openapi.json").json();
-    assert_eq!(document, serde_json::from_str::<Value>(&gridfall::http::document_json()).unwrap());
+    assert_eq!(document, serde_json::from_str::<Value>(&gridfall_service::http::document_json()).unwrap());
     assert!(document["openapi"].as_str().unwrap().starts_with("3.1."));
     let mut operations = 0;
     for (path, item) in document["paths"].as_object().unwrap() {
@@ -38,7 +38,7 @@ fn the_server_has_every_documented_operation_and_serves_the_document() {
 
 #[test]
 fn every_operation_has_an_id_a_summary_and_described_answers() {
-    let document: Value = serde_json::from_str(&gridfall::http::document_json()).unwrap();
+    let document: Value = serde_json::from_str(&gridfall_service::http::document_json()).unwrap();
     for (path, item) in document["paths"].as_object().unwrap() {
         for (method, operation) in item.as_object().unwrap() {
             for member in ["operationId", "summary"] {

@@ -1,11 +1,11 @@
 //! Physics that every combination must get right: conservation, free motion, symmetry, determinism.
 
 use crate::problems::*;
-use gridfall::cpu::{CpuEngine, stages};
-use gridfall::engine::{Engine, NoControl};
-use gridfall::scene::schema::{Kernel, Precision, Transfer};
-use gridfall::sim::particles::Particles;
-use gridfall::sim::problem::{Axis, Problem};
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::{Axis, Problem};
+use gridfall_engine::explicit::cpu::{CpuEngine, stages};
+use gridfall_engine::{Engine, NoControl};
+use gridfall_scene::schema::{Kernel, Precision, Transfer};
 
 const KERNELS: [Kernel; 4] = [Kernel::Compact, Kernel::Quadratic, Kernel::Cubic, Kernel::Linear];
 const TRANSFERS: [Transfer; 3] = [Transfer::Pic, Transfer::Apic, Transfer::Mls];

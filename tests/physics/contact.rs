@@ -1,12 +1,12 @@
 //! Walls and colliders: what holds, what slides, what is pushed.
 
 use crate::problems::*;
-use gridfall::cpu::{CpuEngine, stages};
-use gridfall::engine::{Engine, EngineError, NoControl};
-use gridfall::scene::schema::{ContactKind, Kernel};
-use gridfall::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, SdfOp};
-use gridfall::sim::particles::IDENTITY;
-use gridfall::sim::problem::{Axis, Contact, Problem};
+use gridfall_core::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, SdfOp};
+use gridfall_core::sim::particles::IDENTITY;
+use gridfall_core::sim::problem::{Axis, Contact, Problem};
+use gridfall_engine::explicit::cpu::{CpuEngine, stages};
+use gridfall_engine::{Engine, EngineError, NoControl};
+use gridfall_scene::schema::{ContactKind, Kernel};
 
 const DX: f64 = 1.0 / 32.0;
 const KERNELS: [Kernel; 4] = [Kernel::Compact, Kernel::Quadratic, Kernel::Cubic, Kernel::Linear];
@@ -172,7 +172,7 @@ fn a_sticky_collider_carries_what_it_holds() {
 #[test]
 fn colliders_act_in_two_dimensions_and_in_single_precision() {
     let mut problem = empty(2, [16.0, 24.0, 1.0], DX);
-    problem.precision = gridfall::scene::schema::Precision::F32;
+    problem.precision = gridfall_scene::schema::Precision::F32;
     problem.gravity = [0.0, -9.81, 0.0];
     problem.max_dt_s = Some(5e-4);
     fill(&mut problem, elastic(5e4, 0.3, 1000.0), 2, in_ball([8.0 * DX, 16.0 * DX, 0.0], 3.0 * DX), uniform([0.0; 3]));

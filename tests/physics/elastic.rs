@@ -3,14 +3,14 @@
 use std::f64::consts::PI;
 
 use crate::problems::*;
-use gridfall::cpu::CpuEngine;
-use gridfall::engine::{Engine, EngineError, NoControl};
-use gridfall::material::energy_density;
-use gridfall::scene::schema::{Kernel, Transfer};
-use gridfall::sim::linalg::{Matrix, cofactor, det, double_dot, from_row_major, mul};
-use gridfall::sim::moments::moment_matrix;
-use gridfall::sim::particles::Particles;
-use gridfall::sim::problem::Problem;
+use gridfall_core::material::energy_density;
+use gridfall_core::maths::linalg::{Matrix, cofactor, det, double_dot, from_row_major, mul};
+use gridfall_core::sim::moments::moment_matrix;
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::Problem;
+use gridfall_engine::explicit::cpu::CpuEngine;
+use gridfall_engine::{Engine, EngineError, NoControl};
+use gridfall_scene::schema::{Kernel, Transfer};
 
 /// Kinetic energy of velocities and of the affine part, and strain energy (J).
 fn energy(problem: &Problem, p: &Particles) -> f64 {
@@ -127,7 +127,7 @@ fn steps_shorten_when_a_body_outruns_the_plan() {
     }
     (problem.particles.v, problem.particles.b) =
         (vec![[0.0; 3]; problem.particles.len()], vec![[0.0; 9]; problem.particles.len()]);
-    let planned = gridfall::sim::timestep::plan_frame(&problem, &Default::default(), problem.frame_s);
+    let planned = gridfall_core::sim::timestep::plan_frame(&problem, &Default::default(), problem.frame_s);
     let mut engine = CpuEngine::new(&problem).unwrap();
     let stats = engine.advance_frame(problem.frame_s, &NoControl).unwrap();
     println!("planned {planned:?}, took {stats:?}");
@@ -151,7 +151,7 @@ fn a_state_without_a_stress_is_a_divergence_that_names_the_particle() {
 #[test]
 fn cancellation_is_noticed_between_steps() {
     struct Stop(std::sync::atomic::AtomicU64);
-    impl gridfall::engine::Control for Stop {
+    impl gridfall_engine::Control for Stop {
         fn canceled(&self) -> bool {
             self.0.load(std::sync::atomic::Ordering::Relaxed) >= 3
         }

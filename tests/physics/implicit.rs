@@ -6,15 +6,15 @@
 use std::f64::consts::PI;
 
 use crate::problems::*;
-use gridfall::engine::{Engine, FrameStats, NoControl};
-use gridfall::implicit::ImplicitEngine;
-use gridfall::material::Law;
-use gridfall::scene::schema::{Elasticity, Kernel, Material, Transfer, VonMises};
-use gridfall::sim::diagnostics::Row;
-use gridfall::sim::linalg::{Matrix, identity, to_row_major};
-use gridfall::sim::moments::moment_matrix;
-use gridfall::sim::particles::Particles;
-use gridfall::sim::problem::{Axis, Problem};
+use gridfall_core::material::Law;
+use gridfall_core::maths::linalg::{Matrix, identity, to_row_major};
+use gridfall_core::sim::diagnostics::Row;
+use gridfall_core::sim::moments::moment_matrix;
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::{Axis, Problem};
+use gridfall_engine::implicit::ImplicitEngine;
+use gridfall_engine::{Engine, FrameStats, NoControl};
+use gridfall_scene::schema::{Elasticity, Kernel, Material, Transfer, VonMises};
 
 const KERNELS: [Kernel; 2] = [Kernel::Quadratic, Kernel::Compact];
 

@@ -1,9 +1,9 @@
 //! One step of random particles in f64: what a transfer may lose is rounding, and a comparator that would miss a loss is
 //! itself at fault.
 
-use gridfall::cpu::stages;
-use gridfall::scene::schema::{Kernel, Transfer};
-use gridfall::sim::problem::Problem;
+use gridfall_core::sim::problem::Problem;
+use gridfall_engine::explicit::cpu::stages;
+use gridfall_scene::schema::{Kernel, Transfer};
 use rand::{Rng, SeedableRng, rngs::StdRng};
 
 use crate::problems::*;
@@ -97,7 +97,7 @@ fn the_fused_stage_is_g2p_then_p2g() {
         let (a, b) = (fused.nodes(), apart.nodes());
         let total: f64 = a.iter().map(|n| n.mass).sum();
         assert!((b.iter().map(|n| n.mass).sum::<f64>() / total - 1.0).abs() < 1e-14);
-        let key = |n: &gridfall::cpu::NodeState| (n.grid, n.index);
+        let key = |n: &gridfall_engine::explicit::cpu::NodeState| (n.grid, n.index);
         for n in &a {
             let same = b.iter().find(|m| key(m) == key(n)).map_or(0.0, |m| m.mass);
             assert!((same - n.mass).abs() < 1e-12 * problem.bodies[0].mass, "{n:?}");

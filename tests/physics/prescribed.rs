@@ -1,12 +1,12 @@
 //! Prescribed motion: keyframes, colliders that come and go, grips.
 
 use crate::problems::{Vec3, centre};
-use gridfall::cpu::CpuEngine;
-use gridfall::engine::{Engine, NoControl};
-use gridfall::scene::{self, Limits};
-use gridfall::sim::particles::Particles;
-use gridfall::sim::problem::Problem;
-use gridfall::sim::reaction::WALLS;
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::reaction::WALLS;
+use gridfall_engine::explicit::cpu::CpuEngine;
+use gridfall_engine::{Engine, NoControl};
+use gridfall_scene::{self as scene, Limits};
 
 fn problem(json: &str) -> Problem {
     let scene = scene::parse(json).unwrap_or_else(|faults| panic!("{faults:#?}"));

@@ -1,14 +1,14 @@
 //! Problems built by hand for physics tests, and sums over their particles.
 
-use gridfall::cpu::CpuEngine;
-use gridfall::engine::{Engine, NoControl};
-use gridfall::scene::schema::{
+use gridfall_core::maths::linalg::{Matrix, apply, mul_transpose};
+use gridfall_core::sim::moments::moment_matrix;
+use gridfall_core::sim::particles::{IDENTITY, Particles};
+use gridfall_core::sim::problem::{Axis, Body, Contact, Problem};
+use gridfall_engine::explicit::cpu::CpuEngine;
+use gridfall_engine::{Engine, NoControl};
+use gridfall_scene::schema::{
     ContactKind, Elastic, Fluid, Implicit, Integrator, Kernel, Material, Precision, Transfer,
 };
-use gridfall::sim::linalg::{Matrix, apply, mul_transpose};
-use gridfall::sim::moments::moment_matrix;
-use gridfall::sim::particles::{IDENTITY, Particles};
-use gridfall::sim::problem::{Axis, Body, Contact, Problem};
 
 pub type Vec3 = [f64; 3];
 

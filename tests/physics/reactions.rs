@@ -1,13 +1,13 @@
 //! Forces and torques on walls and colliders: what the material loses, they get.
 
 use crate::problems::*;
-use gridfall::cpu::CpuEngine;
-use gridfall::engine::{Engine, NoControl};
-use gridfall::scene::schema::{ContactKind, Kernel, Precision};
-use gridfall::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, SdfOp};
-use gridfall::sim::particles::{IDENTITY, Particles};
-use gridfall::sim::problem::{Axis, Contact, Problem};
-use gridfall::sim::reaction::{Reaction, WALLS};
+use gridfall_core::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, SdfOp};
+use gridfall_core::sim::particles::{IDENTITY, Particles};
+use gridfall_core::sim::problem::{Axis, Contact, Problem};
+use gridfall_core::sim::reaction::{Reaction, WALLS};
+use gridfall_engine::explicit::cpu::CpuEngine;
+use gridfall_engine::{Engine, NoControl};
+use gridfall_scene::schema::{ContactKind, Kernel, Precision};
 
 const DX: f64 = 1.0 / 32.0;
 

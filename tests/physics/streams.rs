@@ -1,12 +1,12 @@
 //! Sources: a stream brings what was promised, in time and without gaps.
 
 use crate::problems::{mass, momentum};
-use gridfall::cpu::CpuEngine;
-use gridfall::engine::{Engine, NoControl};
-use gridfall::scene::estimate::estimate;
-use gridfall::scene::{self, Limits};
-use gridfall::sim::particles::Particles;
-use gridfall::sim::problem::Problem;
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::Problem;
+use gridfall_engine::explicit::cpu::CpuEngine;
+use gridfall_engine::{Engine, NoControl};
+use gridfall_scene::estimate::estimate;
+use gridfall_scene::{self as scene, Limits};
 
 /// Two streams, one through a box from the start, one through a ball later, and a block on the floor of the second.
 fn pouring(precision: &str, gravity: f64, bodies: &str) -> Problem {
@@ -31,7 +31,7 @@ fn pouring(precision: &str, gravity: f64, bodies: &str) -> Problem {
 fn run(problem: &Problem) -> Vec<Particles> {
     let mut engine = CpuEngine::new(problem).unwrap();
     let frame = |frame: u32| {
-        gridfall::run::advance(problem, &mut engine, frame, &NoControl).unwrap();
+        gridfall_recording::run::advance(problem, &mut engine, frame, &NoControl).unwrap();
         engine.snapshot().unwrap()
     };
     (0..problem.frames).map(frame).collect()

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use gridfall::engine::{Control, Engine};
-use gridfall::run::{Observer, run};
-use gridfall::scene::schema::Scene;
-use gridfall::sim::problem::{Integrator, Problem};
+use gridfall_core::sim::problem::{Integrator, Problem};
+use gridfall_engine::{Control, Engine};
+use gridfall_recording::run::{Observer, run};
+use gridfall_scene::schema::Scene;
 use serde_json::{Value, json};
 
 use super::fixture::{Ballistic, Watch, messages, numbers, outputs, problem, python, record, scene};
@@ -82,9 +82,9 @@ fn a_scene_runs_on_the_cpu_engine_and_is_recorded() {
         "time": { "end": 0.1, "frame_rate": 50 },
         "solver": { "precision": "f64" }
     });
-    let scene = gridfall::scene::parse(&json.to_string()).unwrap();
-    let problem = gridfall::scene::problem(&scene, &Default::default()).unwrap();
-    let mut engine = gridfall::cpu::CpuEngine::new(&problem).unwrap();
+    let scene = gridfall_scene::parse(&json.to_string()).unwrap();
+    let problem = gridfall_scene::problem(&scene, &Default::default()).unwrap();
+    let mut engine = gridfall_engine::explicit::cpu::CpuEngine::new(&problem).unwrap();
     let directory = tempfile::tempdir().unwrap();
     let out = outputs(directory.path());
     struct Nobody;

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use gridfall::engine::{Control, EngineError};
-use gridfall::recording;
-use gridfall::run::{FrameReport, Observer, RunError, Summary, run};
+use gridfall_engine::{Control, EngineError};
+use gridfall_recording as recording;
+use gridfall_recording::run::{FrameReport, Observer, RunError, Summary, run};
 
 use super::fixture::{Ballistic, Watch, messages, outputs, problem, python, record, scene};
 

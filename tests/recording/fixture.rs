@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use gridfall::engine::{Backend, Control, Engine, EngineError, FrameStats, Solve};
-use gridfall::run::{FrameReport, Observer, Outputs, run};
-use gridfall::scene::schema::Scene;
-use gridfall::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, SdfOp};
-use gridfall::sim::particles::{IDENTITY, Particles};
-use gridfall::sim::problem::{Axis, Body, Contact, ContactKind, Field, Implicit, Integrator, Problem};
-use gridfall::sim::reaction::Reaction;
+use gridfall_core::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, SdfOp};
+use gridfall_core::sim::particles::{IDENTITY, Particles};
+use gridfall_core::sim::problem::{Axis, Body, Contact, ContactKind, Field, Implicit, Integrator, Problem};
+use gridfall_core::sim::reaction::Reaction;
+use gridfall_engine::{Backend, Control, Engine, EngineError, FrameStats, Solve};
+use gridfall_recording::run::{FrameReport, Observer, Outputs, run};
+use gridfall_scene::schema::Scene;
 use serde_json::{Value, json};
 
 /// A stand-in for an engine: particles fly freely and stretch a little.

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-use gridfall::engine::Control;
-use gridfall::recording;
-use gridfall::run::{FrameReport, Observer, run};
-use gridfall::sim::problem::Problem;
+use gridfall_core::sim::problem::Problem;
+use gridfall_engine::Control;
+use gridfall_recording as recording;
+use gridfall_recording::run::{FrameReport, Observer, run};
 
 use super::fixture::{Ballistic, outputs, problem, python, scene};
 

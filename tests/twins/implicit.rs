@@ -5,16 +5,16 @@
 
 use std::collections::HashMap;
 
-use gridfall::engine::NoControl;
-use gridfall::gpu::implicit::{NodeReading, Stepper, SystemReading};
-use gridfall::implicit::discretisation::Discretisation;
-use gridfall::implicit::objective::{Field, Freedom, NodeId, Objective};
-use gridfall::implicit::potential::Potential;
-use gridfall::implicit::sparse::Bsr;
-use gridfall::implicit::state::{BodySetup, setups};
-use gridfall::implicit::transfer::grid_to_particles;
-use gridfall::sim::linalg::{apply, dot};
-use gridfall::sim::problem::{Kernel, Material, Problem, Transfer};
+use gridfall_core::maths::linalg::{apply, dot};
+use gridfall_core::sim::problem::{Kernel, Material, Problem, Transfer};
+use gridfall_engine::NoControl;
+use gridfall_engine::gpu::implicit::{NodeReading, Stepper, SystemReading};
+use gridfall_engine::implicit::discretisation::Discretisation;
+use gridfall_engine::implicit::objective::{Field, Freedom, NodeId, Objective};
+use gridfall_engine::implicit::potential::Potential;
+use gridfall_engine::implicit::sparse::Bsr;
+use gridfall_engine::implicit::state::{BodySetup, setups};
+use gridfall_engine::implicit::transfer::grid_to_particles;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

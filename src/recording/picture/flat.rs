@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::splat::{Ball, splat};
 use super::view::View;
 use super::{Canvas, lines};
-use crate::sim::problem::Problem;
+use gridfall_core::sim::problem::Problem;
 
 const PAPER: [f32; 3] = [0.93, 0.94, 0.955];
 const OBSTACLE: [f32; 3] = [0.36, 0.39, 0.43];

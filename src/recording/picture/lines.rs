@@ -2,7 +2,7 @@
 
 use super::view::{View, corners};
 use super::{Canvas, V3};
-use crate::recording::palette::Rgb;
+use crate::palette::Rgb;
 
 const LINE: Rgb = [0.52, 0.55, 0.60];
 

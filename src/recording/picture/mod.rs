@@ -13,8 +13,8 @@ use rayon::prelude::*;
 
 use super::palette::{Palette, Rgb, to_srgb};
 use super::points::select;
-use crate::sim::particles::Particles;
-use crate::sim::problem::Problem;
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::Problem;
 use splat::Ball;
 use view::View;
 

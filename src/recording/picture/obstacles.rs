@@ -1,9 +1,9 @@
 //! Colliders in pictures: rays traced through their distance fields.
 
 use super::V3;
-use crate::recording::colliders::{domain_box, translucent};
-use crate::sim::collider::{Pose, Sdf, rotate};
-use crate::sim::problem::Problem;
+use crate::colliders::{domain_box, translucent};
+use gridfall_core::sim::collider::{Pose, Sdf, rotate};
+use gridfall_core::sim::problem::Problem;
 
 /// A collider at the time of the picture.
 pub struct Obstacle<'a> {
@@ -26,7 +26,7 @@ pub struct Hit {
 pub fn obstacles(problem: &Problem, time_s: f64) -> Vec<Obstacle<'_>> {
     let to_v3 = |x: [f64; 3]| V3::from(x.map(|c| c as f32));
     let domain = domain_box(problem).map(to_v3);
-    let obstacle = |collider: &'_ crate::sim::collider::Collider| {
+    let obstacle = |collider: &'_ gridfall_core::sim::collider::Collider| {
         let bounds = collider.sdf.bounds().map(to_v3);
         let bounded = bounds.iter().all(|corner| corner.iter().all(|c| c.abs() < 1e10));
         let clip = if collider.motion.moves() && bounded {

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::V3;
 use super::view::View;
-use crate::recording::palette::Rgb;
+use crate::palette::Rgb;
 
 /// A particle to be drawn.
 #[derive(Clone, Copy, Debug)]

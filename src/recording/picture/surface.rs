@@ -7,9 +7,9 @@ use super::obstacles::{Hit, Obstacle, nearest, obstacles};
 use super::splat::{Ball, Depths, splat};
 use super::view::{View, floor};
 use super::{Canvas, V3, lines};
-use crate::recording::colliders::domain_box;
-use crate::recording::palette::Rgb;
-use crate::sim::problem::Problem;
+use crate::colliders::domain_box;
+use crate::palette::Rgb;
+use gridfall_core::sim::problem::Problem;
 
 /// The paper behind the scene, at the top and at the bottom of the picture.
 const BACKDROP: [Rgb; 2] = [[0.72, 0.77, 0.84], [0.93, 0.94, 0.95]];

@@ -1,8 +1,8 @@
 //! Where the camera stands: chosen from the problem alone, so that it does not move during a run.
 
 use super::{Quality, V3};
-use crate::recording::colliders::domain_box;
-use crate::sim::problem::{Axis, Material, Problem};
+use crate::colliders::domain_box;
+use gridfall_core::sim::problem::{Axis, Material, Problem};
 
 /// A box by its corners.
 pub type Bounds = [V3; 2];

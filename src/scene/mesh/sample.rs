@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use super::TriangleMesh;
 use super::bvh::Bvh;
-use crate::scene::schema::Fill;
-use crate::sim::collider::Field;
+use crate::schema::Fill;
+use gridfall_core::sim::collider::Field;
 
 /// Samples of one field at most: 64 MiB, and up to some minutes of one core for a mesh of a million triangles.
 pub const MAX_SAMPLES: u64 = 1 << 24;

@@ -1,7 +1,7 @@
 //! Formats, welding, watertightness, signed distances of meshes.
 
 use super::*;
-use crate::scene::schema::Fill;
+use crate::schema::Fill;
 
 /// The cube from 0 to 1, facing outwards.
 fn cube() -> TriangleMesh {

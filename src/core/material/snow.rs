@@ -1,0 +1,61 @@
+//! Snow (Stomakhin et al. 2013, "A material point method for snow simulation", §5): fixed corotated elasticity, stretches clamped to
+//! [1 − θc, 1 + θs]; what the clamp takes goes into the plastic volume ratio J_p, and the moduli grow with e^(ξ (1 − J_p)).
+//! ξ = 0 is snow without hardening.
+
+use super::FixedCorotated;
+use super::parameters;
+use super::principal::{Principal, product};
+use crate::maths::linalg::Vector;
+use crate::maths::real::Real;
+
+/// Plastic state: J_p, 1 at rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Snow<T> {
+    pub elastic: FixedCorotated<T>,
+    /// 1 − θc and 1 + θs.
+    pub least: T,
+    pub most: T,
+    /// ξ.
+    pub hardening: T,
+}
+
+impl<T: Real> Snow<T> {
+    pub fn new(material: &parameters::Snow, elastic: &parameters::Elastic) -> Self {
+        Self {
+            elastic: FixedCorotated::new(elastic),
+            least: T::from_f64(1.0 - material.critical_compression),
+            most: T::from_f64(1.0 + material.critical_stretch),
+            hardening: T::from_f64(material.hardening),
+        }
+    }
+
+    /// The elastic law at a plastic volume ratio.
+    pub(super) fn hardened(&self, plastic: T) -> FixedCorotated<T> {
+        let factor = (self.hardening * (T::ONE - plastic)).exp();
+        FixedCorotated { mu: factor * self.elastic.mu, lambda: factor * self.elastic.lambda }
+    }
+}
+
+impl<T: Real> Principal<T> for Snow<T> {
+    fn energy<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> T {
+        Principal::energy(&self.hardened(plastic), sigma, plastic)
+    }
+
+    fn kirchhoff<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Vector<T, D> {
+        Principal::kirchhoff(&self.hardened(plastic), sigma, plastic)
+    }
+
+    fn stiffness<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> T {
+        Principal::stiffness(&self.hardened(plastic), sigma, plastic)
+    }
+
+    fn return_map<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Option<(Vector<T, D>, T)> {
+        let clamped = sigma.map(|s| s.max(self.least).min(self.most));
+        // Extension beyond measure would only shrink moduli that are gone already.
+        let volume = (plastic * product(sigma) / product(&clamped)).min(T::from_f64(MAX_PLASTIC_VOLUME));
+        (clamped != *sigma).then_some((clamped, volume))
+    }
+}
+
+/// Largest J_p kept; the moduli have vanished long before.
+pub const MAX_PLASTIC_VOLUME: f64 = 1e4;

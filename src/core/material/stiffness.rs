@@ -1,0 +1,176 @@
+//! ∂P/∂F of isotropic laws, made positive semidefinite.
+//!
+//! In the bases of F = U Σ Vᵀ the d² × d² derivative falls apart (Stomakhin et al. 2012, "Energetically consistent invertible elasticity";
+//! Teran et al. 2005, "Robust quasistatic finite elements and flesh simulation"): with dF' = Uᵀ dF V,
+//! * dP'_ii = Σ_j ψ_ij dF'_jj, a d × d matrix A;
+//! * for each pair of axes i ≠ j a 2 × 2 matrix ½ [[m + p, m − p], [m − p, m + p]] of (dF'_ij, dF'_ji), with the eigenvalues
+//!   m = (ψ_i − ψ_j)/(σ_i − σ_j) (shear) and p = (ψ_i + ψ_j)/(σ_i + σ_j) (turning).
+//!
+//! So that clamping the eigenvalues of A and each m and p at 0 clamps those of the whole.
+
+use super::derivatives::{Derivatives, EXTENSION};
+use super::principal::spectral;
+use crate::maths::linalg::{Matrix, Vector, apply, mul, mul_transpose, transpose};
+use crate::maths::real::Real;
+use crate::maths::svd::{Svd, svd};
+
+/// A fourth-order tensor, K\[a\]\[b\]\[c\]\[d\].
+pub type Tensor4<T, const D: usize> = [[[[T; D]; D]; D]; D];
+
+/// ∂P/∂F at a state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Projected<T, const D: usize> {
+    pub u: Matrix<T, D>,
+    pub v: Matrix<T, D>,
+    /// A (Pa).
+    pub axial: Matrix<T, D>,
+    /// (½ (m + p), ½ (m − p)) (Pa) of the pair of axes other than k; in two dimensions k = 2 is the only one.
+    pub pairs: [[T; 2]; 3],
+}
+
+/// Smallest σ_i + σ_j divided by.
+const LEAST_SUM: f64 = 1e-6;
+
+/// The pairs of axes by the axis that is not in them.
+fn pairs<const D: usize>() -> impl Iterator<Item = (usize, usize, usize)> {
+    [(0, 1, 2), (1, 2, 0), (2, 0, 1)].into_iter().filter(|&(_, i, j)| i < D && j < D)
+}
+
+impl<T: Real, const D: usize> Projected<T, D> {
+    /// The derivative itself, indefinite where ψ is not convex.
+    pub(super) fn exact(at: &Svd<T, D>, derivatives: &Derivatives<T, D>) -> Self {
+        let Derivatives { gradient: g, hessian: h, .. } = derivatives;
+        let mut values = [[T::ZERO; 2]; 3];
+        for (k, i, j) in pairs::<D>() {
+            let (a, b) = (at.sigma[i], at.sigma[j]);
+            let difference = a - b;
+            // Near equal stretches the quotient loses digits, and half the second derivative across them has an error of its square only.
+            let near = T::EPSILON.powf(T::from_f64(1.0 / 3.0)) * (a.abs() + b.abs()).max(T::from_f64(EXTENSION));
+            let shear = if difference.abs() > near {
+                (g[i] - g[j]) / difference
+            } else {
+                T::HALF * (h[i][i] + h[j][j]) - h[i][j]
+            };
+            let turn = (g[i] + g[j]) / (a + b).max(T::from_f64(LEAST_SUM));
+            values[k] = [T::HALF * (shear + turn), T::HALF * (shear - turn)];
+        }
+        Self { u: at.u, v: at.v, axial: *h, pairs: values }
+    }
+
+    /// The nearest positive semidefinite one.
+    pub(super) fn clamped(mut self) -> Self {
+        self.axial = semidefinite(&self.axial);
+        for pair in &mut self.pairs {
+            let (shear, turn) = (pair[0] + pair[1], pair[0] - pair[1]);
+            if shear < T::ZERO || turn < T::ZERO {
+                let (shear, turn) = (shear.max(T::ZERO), turn.max(T::ZERO));
+                *pair = [T::HALF * (shear + turn), T::HALF * (shear - turn)];
+            }
+        }
+        self
+    }
+
+    /// dP = ∂P/∂F : dF.
+    pub fn times(&self, df: &Matrix<T, D>) -> Matrix<T, D> {
+        let d = mul(&mul(&transpose(&self.u), df), &self.v);
+        let mut out = d;
+        let mut diagonal = [T::ZERO; D];
+        for i in 0..D {
+            diagonal[i] = d[i][i];
+        }
+        let diagonal = apply(&self.axial, &diagonal);
+        for i in 0..D {
+            out[i][i] = diagonal[i];
+        }
+        for (k, i, j) in pairs::<D>() {
+            let [same, cross] = self.pairs[k];
+            out[i][j] = same * d[i][j] + cross * d[j][i];
+            out[j][i] = same * d[j][i] + cross * d[i][j];
+        }
+        mul_transpose(&mul(&self.u, &out), &self.v)
+    }
+
+    /// K_abcd = Σ_kl F_bk F_dl ∂P_ak/∂F_cl (Pa): the derivative of P Fᵀ at fixed `f` with respect to a velocity gradient that acts on
+    /// `f`, so that a pair of nodes has the stiffness V0 Σ_bd g_b K_abcd g'_d. Symmetric under (ab) ↔ (cd).
+    pub fn spatial(&self, f: &Matrix<T, D>) -> Tensor4<T, D> {
+        let (u, w) = (transpose(&self.u), transpose(&mul(f, &self.v)));
+        let mut k = [[[[T::ZERO; D]; D]; D]; D];
+        // The derivative is a sum over pairs of the modes u_i v_jᵀ, and F takes v_j to w_j.
+        for i in 0..D {
+            let mut stress = [[T::ZERO; D]; D];
+            for j in 0..D {
+                add_outer(&mut stress, self.axial[i][j], &u[j], &w[j]);
+            }
+            add_product(&mut k, &u[i], &w[i], &stress);
+        }
+        for (n, i, j) in pairs::<D>() {
+            let [same, cross] = self.pairs[n];
+            for (i, j) in [(i, j), (j, i)] {
+                let mut stress = [[T::ZERO; D]; D];
+                add_outer(&mut stress, same, &u[i], &w[j]);
+                add_outer(&mut stress, cross, &u[j], &w[i]);
+                add_product(&mut k, &u[i], &w[j], &stress);
+            }
+        }
+        k
+    }
+}
+
+/// m += s a bᵀ.
+#[inline(always)]
+fn add_outer<T: Real, const D: usize>(m: &mut Matrix<T, D>, s: T, a: &Vector<T, D>, b: &Vector<T, D>) {
+    for i in 0..D {
+        for j in 0..D {
+            m[i][j] += s * a[i] * b[j];
+        }
+    }
+}
+
+/// k += (a bᵀ) ⊗ m.
+#[inline(always)]
+fn add_product<T: Real, const D: usize>(k: &mut Tensor4<T, D>, a: &Vector<T, D>, b: &Vector<T, D>, m: &Matrix<T, D>) {
+    for i in 0..D {
+        for j in 0..D {
+            let s = a[i] * b[j];
+            for p in 0..D {
+                for q in 0..D {
+                    k[i][j][p][q] += s * m[p][q];
+                }
+            }
+        }
+    }
+}
+
+/// The nearest positive semidefinite matrix to a symmetric one: itself, or ½ (A + H) with H = (A²)^½ of its polar decomposition (Higham 1988,
+/// "Computing a nearest symmetric positive semidefinite matrix").
+fn semidefinite<T: Real, const D: usize>(a: &Matrix<T, D>) -> Matrix<T, D> {
+    if is_definite(a) {
+        return *a;
+    }
+    let Svd { sigma, v, .. } = svd(a);
+    let h = spectral(&v, &sigma.map(T::abs), &v);
+    let mut nearest = *a;
+    for i in 0..D {
+        for j in 0..D {
+            nearest[i][j] = T::HALF * (T::HALF * (a[i][j] + a[j][i]) + h[i][j]);
+        }
+    }
+    nearest
+}
+
+/// Whether elimination meets positive pivots only.
+fn is_definite<T: Real, const D: usize>(a: &Matrix<T, D>) -> bool {
+    let mut a = *a;
+    for k in 0..D {
+        if a[k][k] <= T::ZERO {
+            return false;
+        }
+        for i in k + 1..D {
+            let factor = a[i][k] / a[k][k];
+            for j in k + 1..D {
+                a[i][j] -= factor * a[k][j];
+            }
+        }
+    }
+    true
+}

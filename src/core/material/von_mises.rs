@@ -1,0 +1,82 @@
+//! Von Mises plasticity without hardening: the deviator of the Kirchhoff stress is at most √(2/3) σ_Y long, σ_Y the yield
+//! stress in uniaxial tension.
+//!
+//! * Hencky: the deviator of ε is shortened, tr ε and so J are kept exactly (radial return).
+//! * Fixed corotated: the deviator of τ is shortened and τ_i = 2μ (σ_i − 1) σ_i + λ (J − 1) J solved for σ_i with J held
+//!   (HOT, Wang et al. 2020, as its authors' code does): the deviator does not depend on J, so the result is on the surface exactly,
+//!   while J moves by a second-order amount.
+//!
+//! In two dimensions plane plastic flow carries the same √(2/3) σ_Y (the stress across the plane is then the mean of the other two), so
+//! the radius does not depend on the dimension.
+
+use super::parameters::{self, Elasticity};
+use super::principal::{Principal, mean_and_deviator, norm};
+use super::{FixedCorotated, StvkHencky};
+use crate::maths::linalg::Vector;
+use crate::maths::real::Real;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VonMises<T> {
+    pub hencky: StvkHencky<T>,
+    pub elasticity: Elasticity,
+    /// √(2/3) σ_Y (Pa).
+    pub radius: T,
+}
+
+impl<T: Real> VonMises<T> {
+    pub fn new(material: &parameters::VonMises, elastic: &parameters::Elastic) -> Self {
+        let radius = T::from_f64((2.0f64 / 3.0).sqrt() * material.yield_stress);
+        Self { hencky: StvkHencky::new(elastic), elasticity: material.elasticity, radius }
+    }
+
+    pub(super) fn fixed_corotated(&self) -> FixedCorotated<T> {
+        FixedCorotated { mu: self.hencky.mu, lambda: self.hencky.lambda }
+    }
+}
+
+impl<T: Real> Principal<T> for VonMises<T> {
+    fn energy<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> T {
+        match self.elasticity {
+            Elasticity::Hencky => self.hencky.energy(sigma, plastic),
+            Elasticity::FixedCorotated => Principal::energy(&self.fixed_corotated(), sigma, plastic),
+        }
+    }
+
+    fn kirchhoff<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Vector<T, D> {
+        match self.elasticity {
+            Elasticity::Hencky => self.hencky.kirchhoff(sigma, plastic),
+            Elasticity::FixedCorotated => Principal::kirchhoff(&self.fixed_corotated(), sigma, plastic),
+        }
+    }
+
+    fn stiffness<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> T {
+        match self.elasticity {
+            Elasticity::Hencky => self.hencky.stiffness(sigma, plastic),
+            Elasticity::FixedCorotated => Principal::stiffness(&self.fixed_corotated(), sigma, plastic),
+        }
+    }
+
+    fn return_map<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Option<(Vector<T, D>, T)> {
+        let two_mu = T::TWO * self.hencky.mu;
+        // The part of the principal stress that a deviator can have: 2μ ln σ or 2μ (σ − 1) σ.
+        let shear = match self.elasticity {
+            Elasticity::Hencky => sigma.map(|s| two_mu * s.ln()),
+            Elasticity::FixedCorotated => sigma.map(|s| two_mu * (s - T::ONE) * s),
+        };
+        let (mean, deviator) = mean_and_deviator(&shear);
+        let length = norm(&deviator);
+        if length <= self.radius {
+            return None;
+        }
+        let kept = self.radius / length;
+        let on_surface = deviator.map(|x| mean + kept * x);
+        let sigma = match self.elasticity {
+            Elasticity::Hencky => on_surface.map(|x| (x / two_mu).exp()),
+            // The larger root of 2μ (σ − 1) σ = x.
+            Elasticity::FixedCorotated => {
+                on_surface.map(|x| T::HALF * (T::ONE + (T::ONE + T::TWO * x / self.hencky.mu).max(T::ZERO).sqrt()))
+            }
+        };
+        Some((sigma, plastic))
+    }
+}

@@ -1,0 +1,6 @@
+//! Small fixed-size linear algebra in any scalar, decompositions, and compilation for wide vectors.
+
+pub mod linalg;
+pub mod real;
+pub mod svd;
+pub mod widest;

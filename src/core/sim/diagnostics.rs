@@ -1,0 +1,248 @@
+//! What a frame is judged by: conserved quantities, energies and extremes of all particles.
+
+mod columns;
+mod solver;
+
+pub use columns::Value;
+use columns::columns;
+pub use solver::SolverRow;
+
+use nalgebra::Matrix3;
+use rayon::prelude::*;
+
+use super::moments::moment_matrix;
+use super::particles::Particles;
+use super::problem::{Problem, Transfer};
+use super::reaction::{Reaction, Surface, named_surfaces};
+use super::stats::FrameStats;
+use crate::material;
+
+columns! {
+/// One row of diagnostics. The field names are the columns of the CSV, the keys of the JSON and the fields of the protobuf.
+Row {
+    /// Frame number; 0 is the initial state.
+    frame: u64,
+    /// Simulated time (s).
+    time_s: f64,
+    /// Sub-steps of this frame.
+    steps: u64,
+    /// Their mean length (s).
+    dt_s: f64,
+    /// Total mass (kg; 2D: kg/m, and so on for all that follows).
+    mass_kg: f64,
+    /// Linear momentum (kg m/s).
+    momentum_x: f64,
+    /// Linear momentum (kg m/s).
+    momentum_y: f64,
+    /// Linear momentum (kg m/s).
+    momentum_z: f64,
+    /// Angular momentum about the origin, the affine part included (kg m²/s).
+    angular_momentum_x: f64,
+    /// Angular momentum about the origin, the affine part included (kg m²/s).
+    angular_momentum_y: f64,
+    /// Angular momentum about the origin, the affine part included (kg m²/s).
+    angular_momentum_z: f64,
+    /// Σ ½ m v² of the particles (J).
+    kinetic_j: f64,
+    /// Σ ½ m tr(B Cᵀ), the kinetic energy of the affine velocities (J).
+    affine_j: f64,
+    /// Σ V0 ψ(F), the stored energy of the materials (J).
+    strain_j: f64,
+    /// −Σ m g·x, the potential of gravity, zero at the origin (J).
+    gravity_j: f64,
+    /// Largest particle speed (m/s).
+    max_speed: f64,
+    /// Smallest volume ratio det F.
+    min_J: f64,
+    /// Particles reset because they were alone on their nodes, in this frame.
+    isolated_reset: u64,
+    /// Outer iterations of the implicit integrator in this frame; 0 in explicit runs, as in the two columns that follow.
+    iterations: u64,
+    /// Its largest residual at the end of a step, in the characteristic norm (HOT §5.2).
+    residual: f64,
+    /// Halvings of its line searches.
+    halvings: u64,
+    ;
+    /// What the problem's surfaces bear, by [`named_surfaces`]; their columns follow the fixed ones.
+    reactions: Vec<(Surface, Reaction)>,
+}
+}
+
+impl Row {
+    /// Measures a frame. Sums run in f64 in an order that depends on the particles alone, with compensation, so that the
+    /// result is the same for any number of threads and accurate to a few units in the last place.
+    ///
+    /// A particle stands for the velocity field v + C (x − x_p) weighted by its kernel. With B = Σ w v (x_i − x_p)ᵀ and
+    /// D = Σ w (x_i − x_p)(x_i − x_p)ᵀ, its angular momentum beyond x_p × v is L_k = ε_kij B_ji, and its kinetic energy
+    /// beyond ½ v² is ½ tr(B Cᵀ), C = B D⁻¹ (Jiang et al. 2015, "The affine particle-in-cell method", §5). PIC has neither.
+    pub fn measure(problem: &Problem, particles: &Particles, frame: u64, time_s: f64, stats: &FrameStats) -> Self {
+        let partials: Vec<Tally> = (0..particles.len())
+            .into_par_iter()
+            .chunks(CHUNK)
+            .map(|chunk| {
+                let mut tally = Tally::default();
+                chunk.into_iter().for_each(|p| tally.add_particle(problem, particles, p));
+                tally
+            })
+            .collect();
+        let mut total = Tally::default();
+        partials.iter().for_each(|partial| total.merge(partial));
+        let [mass_kg, px, py, pz, lx, ly, lz, kinetic_j, affine_j, strain_j, gravity_j] =
+            total.sums.map(|sum| sum.value());
+        Self {
+            frame,
+            time_s,
+            steps: stats.steps,
+            dt_s: stats.dt_s,
+            mass_kg,
+            momentum_x: px,
+            momentum_y: py,
+            momentum_z: pz,
+            angular_momentum_x: lx,
+            angular_momentum_y: ly,
+            angular_momentum_z: lz,
+            kinetic_j,
+            affine_j,
+            strain_j,
+            gravity_j,
+            max_speed: total.max_speed2.sqrt(),
+            min_J: total.min_j,
+            isolated_reset: stats.isolated_reset,
+            iterations: stats.solves.iter().map(|solve| u64::from(solve.iterations)).sum(),
+            residual: stats.solves.iter().map(|solve| solve.residual).fold(0.0, f64::max),
+            halvings: stats.solves.iter().map(|solve| u64::from(solve.halvings)).sum(),
+            reactions: named_surfaces(problem)
+                .into_iter()
+                .map(|surface| {
+                    let reaction = stats.reactions.get(surface.index).copied().unwrap_or_default();
+                    (surface, reaction)
+                })
+                .collect(),
+        }
+    }
+
+    /// The header line of the CSV, without line end. What would break a line in a collider's name is written `_`.
+    pub fn csv_header(problem: &Problem) -> String {
+        let surfaces = named_surfaces(problem);
+        let plain = |name: String| name.replace(|c: char| c.is_control() || c == ',' || c == '"', "_");
+        let dynamic = surfaces.iter().flat_map(Surface::columns).map(plain);
+        Self::COLUMNS.iter().map(|name| name.to_string()).chain(dynamic).collect::<Vec<_>>().join(",")
+    }
+
+    /// The row as a line of CSV, without line end. Numbers round-trip.
+    pub fn csv(&self) -> String {
+        let dynamic = self.reactions.iter().flat_map(|(surface, reaction)| surface.values(reaction).map(Value::Real));
+        self.values().into_iter().chain(dynamic).map(Value::csv).collect::<Vec<_>>().join(",")
+    }
+}
+
+/// Particles summed in sequence by one task.
+const CHUNK: usize = 4096;
+
+/// Running sums and extremes.
+#[derive(Clone, Copy)]
+struct Tally {
+    /// mass, momentum (3), angular momentum (3), kinetic, affine, strain, gravity.
+    sums: [Sum; 11],
+    max_speed2: f64,
+    min_j: f64,
+}
+
+impl Default for Tally {
+    fn default() -> Self {
+        Self { sums: [Sum::default(); 11], max_speed2: 0.0, min_j: f64::INFINITY }
+    }
+}
+
+impl Tally {
+    fn add_particle(&mut self, problem: &Problem, particles: &Particles, p: usize) {
+        let (x, v, f) = (particles.x[p], particles.v[p], &particles.f[p]);
+        let body = &problem.bodies[particles.body[p] as usize];
+        let m = body.mass;
+        let b = if problem.transfer == Transfer::Pic { [0.0; 9] } else { particles.b[p] };
+        let c = affine_velocity(problem, x, &b);
+        let spin = cross(x, v);
+        let speed2 = dot(v, v);
+        let terms = [
+            m,
+            m * v[0],
+            m * v[1],
+            m * v[2],
+            m * (spin[0] + b[7] - b[5]),
+            m * (spin[1] + b[2] - b[6]),
+            m * (spin[2] + b[3] - b[1]),
+            0.5 * m * speed2,
+            0.5 * m * (0..9).map(|k| b[k] * c[k]).sum::<f64>(),
+            body.volume0
+                * material::energy_density(
+                    &problem.materials[body.material],
+                    problem.dimension,
+                    f,
+                    particles.plastic[p],
+                ),
+            -m * dot(problem.gravity, x),
+        ];
+        self.sums.iter_mut().zip(terms).for_each(|(sum, term)| sum.add(term));
+        self.max_speed2 = self.max_speed2.max(speed2);
+        self.min_j = self.min_j.min(determinant(f));
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.sums.iter_mut().zip(other.sums).for_each(|(sum, part)| {
+            sum.add(part.sum);
+            sum.add(part.correction);
+        });
+        self.max_speed2 = self.max_speed2.max(other.max_speed2);
+        self.min_j = self.min_j.min(other.min_j);
+    }
+}
+
+/// Neumaier's compensated sum.
+#[derive(Clone, Copy, Default)]
+struct Sum {
+    sum: f64,
+    correction: f64,
+}
+
+impl Sum {
+    fn add(&mut self, x: f64) {
+        let t = self.sum + x;
+        self.correction += if self.sum.abs() >= x.abs() { (self.sum - t) + x } else { (x - t) + self.sum };
+        self.sum = t;
+    }
+
+    fn value(self) -> f64 {
+        self.sum + self.correction
+    }
+}
+
+/// C = B D⁻¹ at a particle (1/s), row-major.
+fn affine_velocity(problem: &Problem, x: [f64; 3], b: &[f64; 9]) -> [f64; 9] {
+    let position = std::array::from_fn(|a| (x[a] - problem.origin[a]) / problem.dx);
+    let mut d = moment_matrix(problem.kernel, position, problem.dx, problem.dimension);
+    for a in 0..3 {
+        // The empty third axis of 2D, and the linear kernel on a node: there B is zero too.
+        if d[4 * a] < 1e-12 * problem.dx * problem.dx {
+            d[4 * a] = problem.dx * problem.dx;
+        }
+    }
+    let inverse = Matrix3::from_row_slice(&d).try_inverse().expect("D is positive definite");
+    let c = Matrix3::from_row_slice(b) * inverse;
+    std::array::from_fn(|k| c[(k / 3, k % 3)])
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// det F, rows first.
+pub fn determinant(f: &[f64; 9]) -> f64 {
+    dot([f[0], f[1], f[2]], cross([f[3], f[4], f[5]], [f[6], f[7], f[8]]))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,84 @@
+//! Why a run may have blown up: what the state of the particle at fault says, and what helps.
+
+use super::problem::{Material, Problem};
+use crate::material::Law;
+use crate::maths::linalg::{det, from_row_major};
+use crate::maths::svd::svd;
+
+/// Compressed to less of its volume than this, a material was too soft for its load.
+const CRUSHED: f64 = 0.2;
+/// Stretched further than this, a solid has come apart in all but name.
+const TORN: f64 = 5.0;
+
+/// The particle at fault, as the last known state has it.
+#[derive(Clone, Copy, Debug)]
+pub struct Suspect {
+    /// Index into the problem's bodies.
+    pub body: usize,
+    /// Deformation gradient, row-major.
+    pub f: [f64; 9],
+    /// m/s.
+    pub speed_m_s: f64,
+}
+
+/// The likely cause and its remedy, in a sentence.
+pub fn likely_cause(problem: &Problem, suspect: &Suspect) -> String {
+    let body = &problem.bodies[suspect.body];
+    let material = &problem.materials[body.material];
+    let f = from_row_major::<f64, 3>(&suspect.f);
+    let j = det(&f);
+    let wave_m_s = (Law::<f64>::new(material).stiffness_at_rest() * body.volume0 / body.mass).sqrt();
+    let stretch = svd(&f).sigma[0];
+    if !j.is_finite() {
+        return "its deformation is no longer a number; lower solver.cfl or solver.max_dt".into();
+    }
+    if matches!(material, Material::NeoHookean(_)) && j <= 0.05 {
+        return format!(
+            "it was turned inside out (J = {j:.3}), where the neo-Hookean law has no stress; take fixed-corotated, a higher youngs_modulus or a smaller dx"
+        );
+    }
+    if suspect.speed_m_s > wave_m_s {
+        return format!(
+            "it moves faster than sound in its material ({:.3e} m/s against {wave_m_s:.3e} m/s), which makes a shock; raise the modulus, lower the speed, or raise particles_per_cell",
+            suspect.speed_m_s
+        );
+    }
+    if j < CRUSHED {
+        return format!(
+            "it was crushed to J = {j:.3}; raise the modulus, or lower the load or the speed of what hits it"
+        );
+    }
+    if !material.is_fluid() && stretch > TORN {
+        return format!(
+            "it was stretched {stretch:.1} times, further than a body's particles hold together; raise the modulus or particles_per_cell, or take a law that yields"
+        );
+    }
+    "no strain or speed stands out: a particle at the edge of a body or alone on its nodes; lower solver.cfl or solver.max_dt, or raise particles_per_cell".into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gridfall_scene::{self as scene, Limits};
+
+    #[test]
+    fn each_state_has_its_cause() {
+        let text = r#"{ "gridfall": 1, "name": "t", "domain": { "min": [0,0,0], "max": [1,1,1], "dx": 0.125 },
+            "materials": { "m": { "model": "neo-hookean", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 },
+                           "w": { "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1e5 } },
+            "bodies": [ { "name": "a", "material": "m", "shape": { "box": { "min": [0.4,0.4,0.4], "max": [0.6,0.6,0.6] } } },
+                        { "name": "b", "material": "w", "shape": { "box": { "min": [0.4,0.4,0.7], "max": [0.6,0.6,0.9] } } } ],
+            "time": { "end": 1, "frame_rate": 50 } }"#;
+        let problem = scene::problem(&scene::parse(text).unwrap(), &Limits::default()).unwrap();
+        let stretched = |body, x: f64, speed_m_s| {
+            let f = [x, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+            likely_cause(&problem, &Suspect { body, f, speed_m_s })
+        };
+        assert!(stretched(0, -0.5, 1.0).contains("inside out"));
+        assert!(stretched(0, 1.0, 100.0).contains("faster than sound"));
+        assert!(stretched(0, 0.1, 1.0).contains("crushed to J = 0.100"));
+        assert!(stretched(0, 8.0, 1.0).contains("stretched 8.0 times"));
+        assert!(stretched(1, 8.0, 1.0).contains("alone on its nodes"));
+        assert!(stretched(0, f64::NAN, 1.0).contains("no longer a number"));
+    }
+}

@@ -1,0 +1,67 @@
+//! What a scene may choose of the discretisation. Scenes spell these types as they are serialised here.
+
+mod implicit;
+
+pub use implicit::{CoarseSolve, Implicit, Method, Smoother};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Integrator {
+    /// Explicit or implicit, whichever is predicted to be faster; the estimate says why.
+    Auto,
+    Explicit,
+    Implicit,
+}
+
+impl Integrator {
+    /// As scenes spell it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Explicit => "explicit",
+            Self::Implicit => "implicit",
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kernel {
+    Compact,
+    Quadratic,
+    Cubic,
+    Linear,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Transfer {
+    Pic,
+    Apic,
+    Mls,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Precision {
+    F32,
+    F64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Field {
+    #[serde(rename = "velocity")]
+    Velocity,
+    /// Volume ratio det F.
+    #[serde(rename = "J")]
+    J,
+    /// von Mises equivalent of the Cauchy stress (Pa).
+    #[serde(rename = "von_mises")]
+    VonMises,
+    /// Pressure, -tr(Cauchy)/3 (Pa).
+    #[serde(rename = "pressure")]
+    Pressure,
+}

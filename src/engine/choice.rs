@@ -1,0 +1,87 @@
+//! Which engine runs a problem, and why.
+
+use std::sync::Arc;
+
+use crate::contract::{Engine, EngineError};
+use crate::explicit::cpu::CpuEngine;
+use crate::gpu::{Gpu, GpuEngine, implicit, supports};
+use crate::implicit::ImplicitEngine;
+use gridfall_core::sim::problem::{Integrator, Problem};
+
+/// What the user asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Choice {
+    /// A real GPU if there is one that can run the scene, else the CPU.
+    #[default]
+    Auto,
+    Gpu,
+    Cpu,
+}
+
+/// The devices of this process, opened once and shared by all its runs.
+pub struct Devices {
+    choice: Choice,
+    gpu: Option<Arc<Gpu>>,
+    /// Why the GPU was or was not opened.
+    reason: String,
+}
+
+impl Devices {
+    /// Opens what `choice` needs. `adapter` is part of an adapter's name; naming one is the only way to a software Vulkan driver.
+    ///
+    /// Errors: [`EngineError::NoDevice`] when a GPU was asked for, by choice or by name, and there is none.
+    pub fn open(choice: Choice, adapter: Option<&str>) -> Result<Self, EngineError> {
+        if choice == Choice::Cpu {
+            return Ok(Self { choice, gpu: None, reason: "the CPU was asked for".into() });
+        }
+        match (Gpu::open(adapter), adapter) {
+            (Ok(gpu), Some(name)) => {
+                Ok(Self { choice, gpu: Some(Arc::new(gpu)), reason: format!("adapter \"{name}\" was asked for") })
+            }
+            (Ok(gpu), None) => {
+                Ok(Self { choice, gpu: Some(Arc::new(gpu)), reason: "the first GPU of this machine".into() })
+            }
+            (Err(e), None) if choice == Choice::Auto => Ok(Self { choice, gpu: None, reason: e.to_string() }),
+            (Err(e), _) => Err(e),
+        }
+    }
+
+    /// Loads a problem on the device that suits it.
+    ///
+    /// Errors: the scene is not for the GPU though the GPU was asked for, or does not fit.
+    pub fn engine(&self, problem: &Problem) -> Result<Box<dyn Engine>, EngineError> {
+        let Some(gpu) = &self.gpu else {
+            return on_cpu(problem, &self.reason);
+        };
+        let fits = if problem.integrator == Integrator::Implicit { implicit::supports } else { supports };
+        match fits(problem) {
+            Ok(()) => on_gpu(gpu.clone(), problem, &self.reason),
+            Err(why) if self.choice == Choice::Auto => on_cpu(problem, &why),
+            Err(why) => Err(EngineError::Unsupported(format!("{why}; use --backend cpu or auto"))),
+        }
+    }
+
+    /// Why the GPU was or was not opened.
+    pub fn reason(&self) -> &str {
+        &self.reason
+    }
+
+    /// The GPU that was opened, if one was.
+    pub fn gpu(&self) -> Option<&Arc<Gpu>> {
+        self.gpu.as_ref()
+    }
+}
+
+fn on_cpu(problem: &Problem, reason: &str) -> Result<Box<dyn Engine>, EngineError> {
+    Ok(match problem.integrator {
+        Integrator::Implicit => Box::new(ImplicitEngine::new(problem)?.because(reason)),
+        _ => Box::new(CpuEngine::new(problem)?.because(reason)),
+    })
+}
+
+fn on_gpu(gpu: Arc<Gpu>, problem: &Problem, reason: &str) -> Result<Box<dyn Engine>, EngineError> {
+    Ok(match problem.integrator {
+        Integrator::Implicit => Box::new(implicit::GpuImplicitEngine::new(gpu, problem, reason)?),
+        _ => Box::new(GpuEngine::new(gpu, problem, reason)?),
+    })
+}

@@ -1,0 +1,105 @@
+//! What an engine does, whichever device it runs on, and how one is chosen.
+
+use serde::{Deserialize, Serialize};
+
+use gridfall_core::sim::particles::Particles;
+pub use gridfall_core::sim::stats::{FrameStats, Solve};
+
+/// Where and how an engine runs; goes into job records, recordings and messages.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Backend {
+    /// `cpu` or `gpu`.
+    pub kind: String,
+    /// Processor or adapter name.
+    pub device: String,
+    /// Driver name and version; empty on the CPU.
+    pub driver: String,
+    /// True for a Vulkan driver that runs on the CPU.
+    pub software: bool,
+    /// Why this one was chosen, in a sentence.
+    pub reason: String,
+}
+
+impl Backend {
+    /// The processor of this machine, chosen for `reason`.
+    pub fn this_cpu(reason: &str) -> Self {
+        Self {
+            kind: "cpu".into(),
+            device: format!("{} ({} threads)", processor(), rayon::current_num_threads()),
+            driver: String::new(),
+            software: false,
+            reason: reason.into(),
+        }
+    }
+}
+
+/// The processor's name as the system knows it.
+fn processor() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name =
+        info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':').map(|(_, name)| name.trim()));
+    name.unwrap_or(std::env::consts::ARCH).to_string()
+}
+
+/// Asked by engines between batches of steps.
+pub trait Control: Sync {
+    /// True once the job shall stop; the engine returns [`EngineError::Canceled`] within a fraction of a second.
+    fn canceled(&self) -> bool {
+        false
+    }
+    /// Steps done so far in the whole run, and simulated time (s).
+    fn progress(&self, _step: u64, _time_s: f64) {}
+}
+
+/// No cancellation, no progress.
+pub struct NoControl;
+impl Control for NoControl {}
+
+/// Failures of a run. `code` is stable: it is what API users see as `failure.code`.
+#[derive(Debug, thiserror::Error)]
+pub enum EngineError {
+    #[error("canceled")]
+    Canceled,
+    #[error("the device cannot hold the scene: {0}")]
+    Capacity(String),
+    #[error("the simulation diverged at step {step} (t = {time_s:.6} s): {what}")]
+    Diverged { step: u64, time_s: f64, what: String },
+    #[error("a particle left the domain at step {step} (t = {time_s:.6} s): {what}")]
+    LeftDomain { step: u64, time_s: f64, what: String },
+    #[error("this engine cannot run the scene: {0}")]
+    Unsupported(String),
+    #[error("the device was lost: {0}")]
+    DeviceLost(String),
+    #[error("no usable device: {0}")]
+    NoDevice(String),
+}
+
+impl EngineError {
+    /// Stable code for APIs.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Canceled => "canceled",
+            Self::Capacity(_) => "capacity",
+            Self::Diverged { .. } => "diverged",
+            Self::LeftDomain { .. } => "left_domain",
+            Self::Unsupported(_) => "unsupported",
+            Self::DeviceLost(_) => "device_lost",
+            Self::NoDevice(_) => "no_device",
+        }
+    }
+}
+
+/// A loaded simulation on one device. Construction loads the problem at time 0.
+pub trait Engine {
+    fn backend(&self) -> &Backend;
+
+    /// Simulates one frame of `frame_s` seconds, in equal steps.
+    fn advance_frame(&mut self, frame_s: f64, control: &dyn Control) -> Result<FrameStats, EngineError>;
+
+    /// Adds particles at a frame boundary; their ids follow those that are there. In all there may be as many as
+    /// [`gridfall_core::sim::problem::Problem::total_particles`] of the problem that was loaded.
+    fn append(&mut self, particles: &Particles) -> Result<(), EngineError>;
+
+    /// Particle states at the last frame boundary, in sampling order.
+    fn snapshot(&mut self) -> Result<Particles, EngineError>;
+}

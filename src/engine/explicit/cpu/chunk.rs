@@ -1,0 +1,197 @@
+//! Particle storage: structures of arrays of a fixed number of lanes, so that arithmetic on particles is vectorised and a
+//! block's particles are contiguous.
+
+use gridfall_core::maths::linalg::{Matrix, Vector, apply};
+use gridfall_core::maths::real::Real;
+use gridfall_core::sim::kernel::Kernel;
+
+/// Particles of a chunk.
+pub const LANES: usize = 16;
+
+/// One value a particle.
+pub type Lanes<T> = [T; LANES];
+
+/// Up to [`LANES`] particles of one body in one block. Lanes beyond `count` hold a particle at rest, so that arithmetic
+/// on them is harmless.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub struct Chunk<T, const D: usize> {
+    /// Position in units of dx from the block's node 0: small numbers, so that f32 resolves slow motion in large domains.
+    pub x: [Lanes<T>; D],
+    pub v: [Lanes<T>; D],
+    /// B = ½ Σ_s Σ_i w v_i (x_i − x_p)ᵀ / dx (m/s).
+    pub b: [[Lanes<T>; D]; D],
+    /// Deformation gradient; of a fluid only J, in the first entry.
+    pub f: [[Lanes<T>; D]; D],
+    /// Plastic state of the laws that have one.
+    pub plastic: Lanes<T>,
+    /// ∇v (1/s) of the last G2P, kept for a fluid's viscosity only.
+    pub grad_v: [[Lanes<T>; D]; D],
+    /// Index in sampling order.
+    pub id: Lanes<u32>,
+    pub count: usize,
+    /// Index into the solver's blocks.
+    pub block: u32,
+    pub body: u32,
+}
+
+impl<T: Real, const D: usize> Chunk<T, D> {
+    /// No particles; lanes at rest in the middle of the block.
+    pub fn empty(block: u32, body: u32) -> Self {
+        let zero = [[[T::ZERO; LANES]; D]; D];
+        let mut f = zero;
+        for a in 0..D {
+            f[a][a] = [T::ONE; LANES];
+        }
+        Self {
+            x: [[T::TWO; LANES]; D],
+            v: zero[0],
+            b: zero,
+            f,
+            plastic: [T::ZERO; LANES],
+            grad_v: zero,
+            id: [u32::MAX; LANES],
+            count: 0,
+            block,
+            body,
+        }
+    }
+
+    /// Copies everything but the position of a particle of another chunk.
+    pub fn copy_state(&mut self, lane: usize, from: &Self, from_lane: usize) {
+        for i in 0..D {
+            self.v[i][lane] = from.v[i][from_lane];
+            for k in 0..D {
+                self.b[i][k][lane] = from.b[i][k][from_lane];
+                self.f[i][k][lane] = from.f[i][k][from_lane];
+                self.grad_v[i][k][lane] = from.grad_v[i][k][from_lane];
+            }
+        }
+        self.plastic[lane] = from.plastic[from_lane];
+        self.id[lane] = from.id[from_lane];
+    }
+}
+
+/// A matrix a particle.
+pub type MatrixLanes<T, const D: usize> = [[Lanes<T>; D]; D];
+
+#[inline(always)]
+pub fn vector<T: Real, const D: usize>(lanes: &[Lanes<T>; D], l: usize) -> Vector<T, D> {
+    let mut v = [T::ZERO; D];
+    for i in 0..D {
+        v[i] = lanes[i][l];
+    }
+    v
+}
+
+#[inline(always)]
+pub fn matrix<T: Real, const D: usize>(lanes: &[[Lanes<T>; D]; D], l: usize) -> Matrix<T, D> {
+    let mut m = [[T::ZERO; D]; D];
+    for i in 0..D {
+        for k in 0..D {
+            m[i][k] = lanes[i][k][l];
+        }
+    }
+    m
+}
+
+#[inline(always)]
+pub fn set_matrix<T: Real, const D: usize>(lanes: &mut [[Lanes<T>; D]; D], l: usize, m: &Matrix<T, D>) {
+    for i in 0..D {
+        for k in 0..D {
+            lanes[i][k][l] = m[i][k];
+        }
+    }
+}
+
+/// Nodes and weights of the particles of a chunk.
+#[derive(Clone, Debug)]
+pub struct Stencils<T, const D: usize, const G: usize, const W: usize> {
+    pub base: [[Lanes<i32>; G]; D],
+    pub offset: [[Lanes<T>; G]; D],
+    pub weight: [[[Lanes<T>; W]; G]; D],
+    pub slope: [[[Lanes<T>; W]; G]; D],
+    pub spread: [Lanes<T>; D],
+    pub skew: [Lanes<T>; D],
+}
+
+impl<T: Real, const D: usize, const G: usize, const W: usize> Stencils<T, D, G, W> {
+    #[inline(always)]
+    pub fn new<K: Kernel<G, W>>(x: &[Lanes<T>; D]) -> Self {
+        let mut s = Self {
+            base: [[[0; LANES]; G]; D],
+            offset: [[[T::ZERO; LANES]; G]; D],
+            weight: [[[[T::ZERO; LANES]; W]; G]; D],
+            slope: [[[[T::ZERO; LANES]; W]; G]; D],
+            spread: [[T::ZERO; LANES]; D],
+            skew: [[T::ZERO; LANES]; D],
+        };
+        for a in 0..D {
+            for l in 0..LANES {
+                let axis = K::axis(x[a][l]);
+                s.spread[a][l] = axis.spread;
+                s.skew[a][l] = axis.skew;
+                for g in 0..G {
+                    s.base[a][g][l] = axis.base[g];
+                    s.offset[a][g][l] = axis.offset[g];
+                    for k in 0..W {
+                        s.weight[a][g][k][l] = axis.weight[g][k];
+                        s.slope[a][g][k][l] = axis.slope[g][k];
+                    }
+                }
+            }
+        }
+        s
+    }
+
+    /// w (x_i − x_p)/dx per axis and node.
+    #[inline(always)]
+    pub fn moments(&self) -> [[[Lanes<T>; W]; G]; D] {
+        let mut moments = self.weight;
+        for a in 0..D {
+            for g in 0..G {
+                for k in 0..W {
+                    for l in 0..LANES {
+                        moments[a][g][k][l] *= self.offset[a][g][l] + T::from_i32(k as i32);
+                    }
+                }
+            }
+        }
+        moments
+    }
+
+    /// ½ Σ_s Σ_i w² of every particle: what Σ w m_i / m_p is when no other particle shares its nodes.
+    pub fn own_share(&self) -> Lanes<T> {
+        let mut share = [T::ZERO; LANES];
+        for l in 0..LANES {
+            for g in 0..G {
+                let mut product = T::ONE / T::from_i32(G as i32);
+                for a in 0..D {
+                    let squares = (0..W).map(|k| self.weight[a][g][k][l] * self.weight[a][g][k][l]);
+                    product *= squares.sum();
+                }
+                share[l] += product;
+            }
+        }
+        share
+    }
+
+    /// m D at lane l's position.
+    pub fn times_moment(&self, m: &Matrix<T, D>, l: usize) -> Matrix<T, D> {
+        let skew = vector(&self.skew, l);
+        let along = apply(m, &skew);
+        let mut product = *m;
+        for i in 0..D {
+            for k in 0..D {
+                product[i][k] = m[i][k] * self.spread[k][l] + along[i] * skew[k];
+            }
+        }
+        product
+    }
+
+    /// m D⁻¹ at lane l's position.
+    #[inline(always)]
+    pub fn times_inverse_moment<K: Kernel<G, W>>(&self, m: &Matrix<T, D>, l: usize) -> Matrix<T, D> {
+        K::times_inverse_moment(m, &vector(&self.spread, l), &vector(&self.skew, l))
+    }
+}

@@ -1,0 +1,158 @@
+//! Frames: plan equal steps, run the stages, notice what goes wrong.
+
+use super::stages::{Moved, Stages, stages};
+use crate::contract::{Backend, Control, Engine, EngineError, FrameStats};
+use gridfall_core::sim::divergence::{Suspect, likely_cause};
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::{Axis, Problem};
+use gridfall_core::sim::reaction::{self, Reaction};
+use gridfall_core::sim::timestep::{REPLAN_DEMAND, SHRINK, plan_frame};
+
+/// A problem loaded on the CPU.
+pub struct CpuEngine {
+    backend: Backend,
+    /// Without particles: they live in the stages.
+    problem: Problem,
+    stages: Box<dyn Stages>,
+    particles: usize,
+    step: u64,
+    time_s: f64,
+}
+
+impl CpuEngine {
+    /// Loads the problem at time 0. Errors: [`EngineError::Capacity`] beyond 2³² particles or 2²² cells along an axis.
+    pub fn new(problem: &Problem) -> Result<Self, EngineError> {
+        let particles = problem.total_particles();
+        if u32::try_from(particles).is_err() {
+            return Err(EngineError::Capacity(format!("{particles} particles; this engine counts to 2^32 - 1")));
+        }
+        if let Some(cells) = problem.cells.iter().find(|&&cells| cells > 1 << 22) {
+            return Err(EngineError::Capacity(format!("{cells} cells along an axis; this engine counts to 2^22")));
+        }
+        let without = Problem { particles: Particles::default(), ..problem.clone() };
+        Ok(Self {
+            backend: Backend::this_cpu("the CPU engine runs every scene"),
+            problem: without,
+            stages: stages(problem),
+            particles: problem.particles.len(),
+            step: 0,
+            time_s: 0.0,
+        })
+    }
+
+    /// The same engine, described as chosen for `reason`.
+    pub fn because(mut self, reason: &str) -> Self {
+        self.backend.reason = reason.into();
+        self
+    }
+
+    /// The step just done must be one that can be gone on from.
+    fn check(&self, moved: &Moved) -> Result<(), EngineError> {
+        let (step, time_s) = (self.step, self.time_s);
+        if moved.diverged {
+            return Err(EngineError::Diverged { step, time_s, what: self.diverged() });
+        }
+        if moved.outside {
+            return Err(EngineError::LeftDomain { step, time_s, what: self.outside() });
+        }
+        Ok(())
+    }
+
+    fn diverged(&self) -> String {
+        let p = self.stages.particles();
+        let speed_squared = |v: &[f64; 3]| v.iter().map(|c| c * c).sum::<f64>();
+        let worst = (0..p.len()).find(|&i| !speed_squared(&p.v[i]).is_finite());
+        let fastest = || (0..p.len()).max_by(|&a, &b| speed_squared(&p.v[a]).total_cmp(&speed_squared(&p.v[b])));
+        let i = worst.or_else(fastest).expect("a problem has particles");
+        let fault = if worst.is_some() {
+            "has a velocity that is not a number".into()
+        } else {
+            format!("moved a whole cell in one step at {:.3e} m/s", speed_squared(&p.v[i]).sqrt())
+        };
+        let body = p.body[i] as usize;
+        let suspect = Suspect { body, f: p.f[i], speed_m_s: speed_squared(&p.v[i]).sqrt() };
+        let cause = likely_cause(&self.problem, &suspect);
+        format!("particle {i} (body \"{}\") {fault}; likely cause: {cause}", self.problem.bodies[body].name)
+    }
+
+    fn outside(&self) -> String {
+        let (p, problem) = (self.stages.particles(), &self.problem);
+        let out = |i: usize, a: usize| {
+            let x = (p.x[i][a] - problem.origin[a]) / problem.dx;
+            matches!(problem.axes[a], Axis::Walls(_)) && !(-1.0..=problem.cells[a] as f64 + 1.0).contains(&x)
+        };
+        let i = (0..p.len()).find(|&i| (0..problem.dimension).any(|a| out(i, a))).unwrap_or(0);
+        let body = &problem.bodies[p.body[i] as usize].name;
+        format!("particle {i} (body \"{body}\") is at {:?} m", &p.x[i][..problem.dimension])
+    }
+}
+
+impl Engine for CpuEngine {
+    fn backend(&self) -> &Backend {
+        &self.backend
+    }
+
+    fn advance_frame(&mut self, frame_s: f64, control: &dyn Control) -> Result<FrameStats, EngineError> {
+        if self.particles == 0 {
+            // Sources that have not opened yet.
+            self.time_s += frame_s;
+            return Ok(FrameStats::default());
+        }
+        let (start_s, first_step) = (self.time_s, self.step);
+        self.stages.start_frame();
+        let extremes = self.stages.extremes();
+        let mut plan = plan_frame(&self.problem, &extremes, frame_s);
+        let mut isolated_reset = 0;
+        let mut from_s = start_s;
+        let mut done = 0;
+        let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.problem)];
+        self.stages.p2g(plan.dt_s);
+        loop {
+            if control.canceled() {
+                return Err(EngineError::Canceled);
+            }
+            reaction::add_all(&mut impulses, &self.stages.grid_update(plan.dt_s, self.time_s));
+            done += 1;
+            let last = done == plan.steps;
+            let moved = if last { self.stages.g2p(plan.dt_s) } else { self.stages.g2p2g(plan.dt_s) };
+            self.step += 1;
+            self.time_s = if last { start_s + frame_s } else { from_s + done as f64 * plan.dt_s };
+            self.check(&moved)?;
+            control.progress(self.step, self.time_s);
+            isolated_reset += moved.isolated;
+            if last {
+                break;
+            }
+            // Faster or stiffer than planned for: what remains of the frame in smaller equal steps.
+            let too_long = moved.max_speed_m_s * plan.dt_s > self.problem.cfl * self.problem.dx
+                || moved.growing
+                || moved.demand_1_s2 * plan.dt_s * plan.dt_s > REPLAN_DEMAND;
+            if too_long {
+                let extremes = self.stages.extremes();
+                from_s = self.time_s;
+                let longest = plan_frame(&self.problem, &extremes, start_s + frame_s - from_s);
+                plan = longest.no_longer_than(SHRINK * plan.dt_s);
+                done = 0;
+            }
+            if too_long || moved.strayed {
+                self.stages.bin();
+                self.stages.p2g(plan.dt_s);
+            }
+        }
+        let steps = self.step - first_step;
+        let reactions = impulses.iter().map(|j| j.times(1.0 / frame_s)).collect();
+        Ok(FrameStats { steps, dt_s: frame_s / steps as f64, isolated_reset, reactions, solves: Vec::new() })
+    }
+
+    fn append(&mut self, particles: &Particles) -> Result<(), EngineError> {
+        let mut all = self.stages.particles();
+        all.append(particles.clone());
+        self.particles = all.len();
+        self.stages.load(&all);
+        Ok(())
+    }
+
+    fn snapshot(&mut self) -> Result<Particles, EngineError> {
+        Ok(self.stages.particles())
+    }
+}

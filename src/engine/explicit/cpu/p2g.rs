@@ -1,0 +1,197 @@
+//! Particles to grid: m_i = Σ w m, p_i = Σ w m (v + C (x_i − x_p)) + dt f_i, per grid of the dual pair (CK-MPM, eqs. 15–22).
+//!
+//! C = B D(x)⁻¹ at the particle's new position. Force: −V0 τ D⁻¹ (x_i − x_p) w (MLS) or −V0 τ ∇w (APIC, PIC).
+//! In: particles of a block. Out: its tile. One thread a block.
+
+use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, Stencils, matrix, set_matrix};
+use super::solver::Setup;
+use super::tile::{MASS, Node, Walk, add_scaled, index, scale};
+use gridfall_core::material::Law;
+use gridfall_core::maths::linalg::{Matrix, scaled_identity};
+use gridfall_core::maths::real::Real;
+use gridfall_core::maths::svd::{NEWTON_STEPS, is_regular, newton_step, polar_by_svd};
+use gridfall_core::maths::widest::widest;
+use gridfall_core::sim::kernel::Kernel;
+
+widest! {
+    /// Adds a chunk's particles, whose stresses are `tau`, to its block's tile.
+    pub fn scatter[T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize][T, K, D, G, W](
+        setup: &Setup<T, D>,
+        chunk: &Chunk<T, D>,
+        dt: T,
+        tau: &MatrixLanes<T, D>,
+        tile: &mut [Node<T>],
+    ) {
+        let body = &setup.bodies[chunk.body as usize];
+        let stencils = Stencils::<T, D, G, W>::new::<K>(&chunk.x);
+
+        // Momentum is w (m v + affine d) − Σ_a pull_a ∂w/∂x_a with d = (x_i − x_p)/dx.
+        let (mut affine, mut pulls) = ([[[T::ZERO; LANES]; D]; D], [[[T::ZERO; LANES]; D]; D]);
+        let impulse = dt * body.volume0 / setup.dx;
+        for l in 0..LANES {
+            let (mut moment, mut pull) = (matrix(&chunk.b, l), matrix(tau, l));
+            for i in 0..D {
+                for k in 0..D {
+                    pull[i][k] *= -impulse;
+                    moment[i][k] = body.mass * moment[i][k] + if setup.gradient_form { T::ZERO } else { pull[i][k] };
+                }
+            }
+            set_matrix(&mut affine, l, &stencils.times_inverse_moment::<K>(&moment, l));
+            set_matrix(&mut pulls, l, &pull);
+        }
+        for l in 0..chunk.count {
+            // Columns as nodes: what a step along an axis changes.
+            let mut column = [[T::ZERO; 4]; D];
+            let mut pull = [[T::ZERO; 4]; D];
+            let mut value = [T::ZERO; 4];
+            for i in 0..D {
+                value[i] = body.mass * chunk.v[i][l];
+                for k in 0..D {
+                    column[k][i] = affine[i][k][l];
+                    pull[k][i] = pulls[i][k][l];
+                }
+            }
+            value[MASS] = body.mass;
+            let lowest = &setup.layout.lowest;
+            if setup.gradient_form {
+                scatter_lane::<T, D, G, W, true>(lowest, &stencils, l, value, &column, &pull, tile);
+            } else {
+                scatter_lane::<T, D, G, W, false>(lowest, &stencils, l, value, &column, &pull, tile);
+            }
+        }
+    }
+}
+
+/// Adds w (value + Σ_a column_a d_a) and, in the gradient form, Σ_a pull_a ∂w/∂x_a to the particle's nodes.
+#[inline(always)]
+fn scatter_lane<T: Real, const D: usize, const G: usize, const W: usize, const GRADIENT: bool>(
+    lowest: &[i32; 2],
+    s: &Stencils<T, D, G, W>,
+    l: usize,
+    value: Node<T>,
+    column: &[Node<T>; D],
+    pull: &[Node<T>; D],
+    tile: &mut [Node<T>],
+) {
+    let walk = const { Walk::new(D, G, W) };
+    let (middle, inner) = (D - 2, D - 1);
+    for g in 0..G {
+        let mut base = [0; D];
+        let mut origin = value;
+        for a in 0..D {
+            base[a] = s.base[a][g][l];
+            origin = add_scaled(origin, s.offset[a][g][l], column[a]);
+        }
+        let start = index::<D, G, W>(g, base, lowest[g]);
+        for i in 0..walk.outer {
+            let (at_i, w_i, slope_i) = if D == 3 {
+                (add_scaled(origin, T::from_i32(i as i32), column[0]), s.weight[0][g][i][l], s.slope[0][g][i][l])
+            } else {
+                (origin, T::ONE, T::ZERO)
+            };
+            for j in 0..W {
+                let at_j = add_scaled(at_i, T::from_i32(j as i32), column[middle]);
+                let (w_j, slope_j) = (s.weight[middle][g][j][l], s.slope[middle][g][j][l]);
+                let w_ij = w_i * w_j;
+                let mut across = scale(w_i * slope_j, pull[middle]);
+                if D == 3 {
+                    across = add_scaled(across, slope_i * w_j, pull[0]);
+                }
+                let along = scale(w_ij, pull[inner]);
+                let row = start + i * walk.outer_stride + j * walk.middle_stride;
+                let row = &mut tile[row..row + W];
+                for k in 0..W {
+                    let at_k = add_scaled(at_j, T::from_i32(k as i32), column[inner]);
+                    let w_k = s.weight[inner][g][k][l];
+                    row[k] = add_scaled(row[k], w_ij * w_k, at_k);
+                    if GRADIENT {
+                        row[k] = add_scaled(row[k], w_k, across);
+                        row[k] = add_scaled(row[k], s.slope[inner][g][k][l], along);
+                    }
+                }
+            }
+        }
+    }
+}
+
+widest! {
+    /// Kirchhoff stress τ (Pa) of the particles of a chunk. Returns the largest ratio of a particle's stiffness to that at rest.
+    pub fn stress[T: Real, const D: usize][T, D](law: &Law<T>, chunk: &Chunk<T, D>, tau: &mut MatrixLanes<T, D>) -> T {
+        let mut stiffening = [T::ONE; LANES];
+        match law {
+            Law::FixedCorotated(law) => {
+                let rotation = rotations(&chunk.f);
+                for l in 0..LANES {
+                    let f = matrix(&chunk.f, l);
+                    set_matrix(tau, l, &law.kirchhoff_with_rotation(&f, &matrix(&rotation, l)));
+                    stiffening[l] = law.stiffness_at(&f);
+                }
+            }
+            Law::NeoHookean(law) => {
+                for l in 0..LANES {
+                    let f = matrix(&chunk.f, l);
+                    set_matrix(tau, l, &law.kirchhoff(&f));
+                    stiffening[l] = law.stiffness_at(&f);
+                }
+            }
+            Law::WeaklyCompressibleFluid(fluid) => {
+                for l in 0..LANES {
+                    let j = chunk.f[0][0][l];
+                    let pressure = fluid.pressure(j);
+                    set_matrix(tau, l, &fluid.kirchhoff(j, pressure, &matrix(&chunk.grad_v, l)));
+                    stiffening[l] = law.stiffness_at_rest() * fluid.stiffening(j, pressure);
+                }
+            }
+            _ => {
+                for l in 0..chunk.count {
+                    let (stress, ratio) = law.kirchhoff(&matrix(&chunk.f, l), chunk.plastic[l]);
+                    set_matrix(tau, l, &stress);
+                    stiffening[l] = law.stiffness_at_rest() * ratio;
+                }
+            }
+        }
+        let most = stiffening[..chunk.count].iter().copied().fold(T::ZERO, T::max);
+        most / law.stiffness_at_rest()
+    }
+}
+
+/// Polar rotations of the particles of a chunk.
+#[inline(always)]
+fn rotations<T: Real, const D: usize>(f: &MatrixLanes<T, D>) -> MatrixLanes<T, D> {
+    let mut rotation = *f;
+    // Newton's iteration in step, so that the loops over lanes are vectorised.
+    let mut done = [false; LANES];
+    for _ in 0..NEWTON_STEPS {
+        for l in 0..LANES {
+            let (next, converged) = newton_step(&matrix(&rotation, l));
+            set_matrix(&mut rotation, l, &next);
+            done[l] = converged;
+        }
+        if !done.contains(&false) {
+            break;
+        }
+    }
+    for l in 0..LANES {
+        done[l] &= is_regular(&matrix(f, l));
+    }
+    if done.contains(&false) {
+        rotate_the_rest(f, &done, &mut rotation);
+    }
+    rotation
+}
+
+/// Polar rotations of the particles that the fast path refused.
+#[cold]
+#[inline(never)]
+fn rotate_the_rest<T: Real, const D: usize>(
+    f: &MatrixLanes<T, D>,
+    done: &Lanes<bool>,
+    rotation: &mut MatrixLanes<T, D>,
+) {
+    for l in (0..LANES).filter(|&l| !done[l]) {
+        let f: Matrix<T, D> = matrix(f, l);
+        // A state that is not finite has no rotation; it shows as a velocity that is not finite in the next G2P.
+        let finite = f.iter().flatten().all(|x| x.is_finite());
+        set_matrix(rotation, l, &if finite { polar_by_svd(&f) } else { scaled_identity(T::ONE) });
+    }
+}

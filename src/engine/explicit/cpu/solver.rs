@@ -1,0 +1,276 @@
+//! The explicit solver, generic in scalar and dimension, as stages that tests can call one at a time.
+
+use rayon::prelude::*;
+
+use super::bin::{self, Place};
+use super::chunk::{Chunk, MatrixLanes, matrix, set_matrix};
+use super::flow;
+use super::g2p::{self, Moves};
+use super::grid_update::Grid;
+use super::interpolation::{Interpolation, interpolation};
+use super::p2g;
+use super::tile::{BLOCK, Layout, Node};
+use gridfall_core::material::Law;
+use gridfall_core::maths::linalg::{det, double_dot, from_row_major, scaled_identity, to_row_major};
+use gridfall_core::maths::real::Real;
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::{Axis, Problem, Transfer};
+use gridfall_core::sim::reaction::Reaction;
+use gridfall_core::sim::timestep::{Extremes, demands_at_rest_1_s2};
+
+/// What all particles of a body share.
+#[derive(Clone, Copy, Debug)]
+pub struct BodySetup<T> {
+    pub law: Law<T>,
+    /// Of one particle (kg).
+    pub mass: T,
+    /// Of one particle at rest (m³; 2D: m²).
+    pub volume0: T,
+    /// Demand of the material at rest, see [`gridfall_core::sim::timestep`] (1/s²).
+    pub demand: T,
+}
+
+impl<T> BodySetup<T> {
+    pub fn is_fluid(&self) -> bool {
+        matches!(self.law, Law::WeaklyCompressibleFluid(_))
+    }
+}
+
+/// What stays the same during a run, in the solver's scalar.
+#[derive(Clone, Debug)]
+pub struct Setup<T, const D: usize> {
+    pub dx: T,
+    pub bodies: Vec<BodySetup<T>>,
+    /// Forces by ∇w instead of D⁻¹ (x_i − x_p) w, ∇v likewise.
+    pub gradient_form: bool,
+    /// Particles carry B.
+    pub affine: bool,
+    pub layout: Layout,
+    /// Cells per axis if periodic.
+    pub period: [Option<i32>; D],
+}
+
+/// 4 cells an axis that hold particles.
+#[derive(Clone, Debug)]
+pub struct Block<T, const D: usize> {
+    /// Lowest cell / 4.
+    pub coordinates: [i32; D],
+    pub chunks: std::ops::Range<usize>,
+    /// Positions (dx, relative to the block) that are at most a cell outside the walls.
+    pub inside: [[T; 2]; D],
+}
+
+/// A particle simulation whose stages have the names of the GPU's.
+pub struct Solver<T, const D: usize> {
+    pub(super) setup: Setup<T, D>,
+    /// Without particles.
+    pub(super) problem: Problem,
+    interpolation: Box<dyn Interpolation<T, D>>,
+    pub(super) chunks: Vec<Chunk<T, D>>,
+    pub(super) blocks: Vec<Block<T, D>>,
+    /// One tile a block, filled by P2G.
+    pub(super) tiles: Vec<Node<T>>,
+    pub(super) grid: Grid<T, D>,
+}
+
+impl<T: Real, const D: usize> Solver<T, D> {
+    pub fn new(problem: &Problem) -> Self {
+        let bodies = problem.bodies.iter().zip(demands_at_rest_1_s2(problem)).map(|(body, demand)| BodySetup {
+            law: Law::new(&problem.materials[body.material]),
+            mass: T::from_f64(body.mass),
+            volume0: T::from_f64(body.volume0),
+            demand: T::from_f64(demand),
+        });
+        let interpolation = interpolation(problem.kernel);
+        let periodic = |a: usize| matches!(problem.axes[a], Axis::Periodic).then_some(problem.cells[a] as i32);
+        let setup = Setup {
+            dx: T::from_f64(problem.dx),
+            bodies: bodies.collect(),
+            gradient_form: problem.transfer != Transfer::Mls,
+            affine: problem.transfer != Transfer::Pic,
+            layout: interpolation.layout(),
+            period: std::array::from_fn(periodic),
+        };
+        let mut solver = Self {
+            setup,
+            problem: Problem { particles: Particles::default(), ..problem.clone() },
+            interpolation,
+            chunks: Vec::new(),
+            blocks: Vec::new(),
+            tiles: Vec::new(),
+            grid: Grid::default(),
+        };
+        solver.load(&problem.particles);
+        solver
+    }
+
+    /// Replaces all particle states, and bins.
+    pub fn load(&mut self, particles: &Particles) {
+        let (origin, dx) = (self.problem.origin, self.problem.dx);
+        let (cell, period, bodies) = (self.setup.layout.cell, self.setup.period, self.setup.bodies.clone());
+        let home = |i: usize| {
+            let x = std::array::from_fn(|a| (particles.x[i][a] - origin[a]) / dx);
+            bin::home::<f64, D>(cell, &period, [0; D], x)
+        };
+        let place = |i: usize| Place { block: bin::pack(home(i).0), id: i as u32, at: i as u32 };
+        let places = (0..particles.len()).into_par_iter().map(place).collect();
+        self.place(places, &particles.body, &|i, chunk, lane| {
+            let (_, local) = home(i);
+            for a in 0..D {
+                chunk.x[a][lane] = T::from_f64(local[a]);
+                chunk.v[a][lane] = T::from_f64(particles.v[i][a]);
+            }
+            set_matrix(&mut chunk.b, lane, &from_row_major(&particles.b[i].map(|b| b / dx)));
+            let state = if bodies[particles.body[i] as usize].is_fluid() {
+                scaled_identity(T::from_f64(det(&from_row_major::<f64, 3>(&particles.f[i]))))
+            } else {
+                from_row_major(&particles.f[i])
+            };
+            set_matrix(&mut chunk.f, lane, &state);
+            chunk.plastic[lane] = T::from_f64(particles.plastic[i]);
+            chunk.id[lane] = i as u32;
+        });
+        self.start_frame();
+    }
+
+    /// What a frame starts from: particles in order of (block, index), and ∇v of fluids from the affine state, so that
+    /// a run continued from a snapshot is the run that was not interrupted.
+    pub fn start_frame(&mut self) {
+        self.bin();
+        let (setup, interpolation) = (&self.setup, &self.interpolation);
+        self.chunks.par_iter_mut().for_each(|chunk| {
+            if setup.affine && setup.bodies[chunk.body as usize].is_fluid() {
+                chunk.grad_v = interpolation.affine_rates(setup, chunk);
+            }
+        });
+    }
+
+    /// Full particle states in sampling order.
+    pub fn particles(&self) -> Particles {
+        let count: usize = self.chunks.iter().map(|chunk| chunk.count).sum();
+        let mut p = Particles {
+            x: vec![[0.0; 3]; count],
+            v: vec![[0.0; 3]; count],
+            b: vec![[0.0; 9]; count],
+            f: vec![[0.0; 9]; count],
+            plastic: vec![0.0; count],
+            body: vec![0; count],
+        };
+        for chunk in &self.chunks {
+            let corner = self.blocks[chunk.block as usize].coordinates;
+            let fluid = self.setup.bodies[chunk.body as usize].is_fluid();
+            for l in 0..chunk.count {
+                let id = chunk.id[l] as usize;
+                for a in 0..D {
+                    let mut x = (BLOCK * corner[a]) as f64 + chunk.x[a][l].to_f64();
+                    if let Some(period) = self.setup.period[a] {
+                        x = x.rem_euclid(period as f64);
+                    }
+                    p.x[id][a] = self.problem.origin[a] + self.problem.dx * x;
+                    p.v[id][a] = chunk.v[a][l].to_f64();
+                }
+                p.b[id] = to_row_major(&matrix(&chunk.b, l), 0.0).map(|b| b * self.problem.dx);
+                p.f[id] = if fluid {
+                    let stretch = chunk.f[0][0][l].to_f64().powf(1.0 / D as f64);
+                    to_row_major(&scaled_identity::<f64, D>(stretch), 1.0)
+                } else {
+                    to_row_major(&matrix(&chunk.f, l), 1.0)
+                };
+                p.plastic[id] = chunk.plastic[l].to_f64();
+                p.body[id] = chunk.body;
+            }
+        }
+        p
+    }
+
+    /// What the particles ask of the coming steps; C = B D⁻¹.
+    pub fn extremes(&self) -> Extremes {
+        let of_chunk = |chunk: &Chunk<T, D>| {
+            let rates = self.interpolation.affine_rates(&self.setup, chunk);
+            let body = &self.setup.bodies[chunk.body as usize];
+            let mut scratch = rates;
+            let demand = body.demand * p2g::stress(&body.law, chunk, &mut scratch).max(T::ONE);
+            let (mut speed, mut rate) = (T::ZERO, T::ZERO);
+            for l in 0..chunk.count {
+                let c = matrix(&rates, l);
+                rate = rate.max(double_dot(&c, &c));
+                speed = speed.max((0..D).map(|a| chunk.v[a][l] * chunk.v[a][l]).sum());
+            }
+            [speed, rate, demand].map(T::to_f64)
+        };
+        let max = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| a[k].max(b[k]));
+        let [speed, rate, demand_1_s2] = self.chunks.par_iter().map(of_chunk).reduce(|| [0.0; 3], max);
+        Extremes { speed_m_s: speed.sqrt(), affine_rate_1_s: rate.sqrt(), demand_1_s2 }
+    }
+
+    /// Particles → tiles, forces for a step of `dt_s` included.
+    pub fn p2g(&mut self, dt_s: f64) {
+        self.step_blocks(dt_s, false, true);
+    }
+
+    /// Tiles → node velocities at the end of a step of `dt_s` that starts at `time_s`; the impulses that surfaces take.
+    pub fn grid_update(&mut self, dt_s: f64, time_s: f64) -> Vec<Reaction> {
+        self.grid.update(&self.problem, &self.tiles, self.setup.layout.shift, dt_s, time_s)
+    }
+
+    /// Node velocities → particles; the last step of a frame, which resets particles that are alone.
+    pub fn g2p(&mut self, dt_s: f64) -> Moves<T> {
+        self.step_blocks(dt_s, true, false)
+    }
+
+    /// [`Self::g2p`] and the next step's [`Self::p2g`] while a block's particles are in cache. If particles strayed from
+    /// their tiles, these are not usable: bin, then P2G.
+    pub fn g2p2g(&mut self, dt_s: f64) -> Moves<T> {
+        self.step_blocks(dt_s, true, true)
+    }
+
+    fn step_blocks(&mut self, dt_s: f64, g2p: bool, p2g: bool) -> Moves<T> {
+        let (setup, interpolation, grid) = (&self.setup, &*self.interpolation, &self.grid);
+        let dt = T::from_f64(dt_s);
+        let tile_size = setup.layout.tile(D);
+        let mut rest = self.chunks.as_mut_slice();
+        let mut work = Vec::with_capacity(self.blocks.len());
+        for (block, tile) in self.blocks.iter().zip(self.tiles.chunks_exact_mut(tile_size)) {
+            let (chunks, after) = rest.split_at_mut(block.chunks.len());
+            rest = after;
+            work.push((block, chunks, tile));
+        }
+        // One thread a block; a block's particles go to its own tile.
+        let step = |velocities: &mut Vec<Node<T>>, (index, (block, chunks, tile)): (usize, BlockWork<T, D>)| {
+            if g2p {
+                grid.load_tile(index, velocities);
+            }
+            if p2g {
+                tile.fill([T::ZERO; 4]);
+            }
+            let mut moves = Moves::default();
+            let mut scratch: MatrixLanes<T, D> = chunks[0].b;
+            for chunk in chunks {
+                let body = &setup.bodies[chunk.body as usize];
+                let mut flowed = None;
+                if g2p {
+                    let alone = (!p2g).then(|| interpolation.isolated(setup, chunk, velocities));
+                    interpolation.gather(setup, chunk, velocities, &mut scratch);
+                    moves = moves.and(g2p::advance(setup, chunk, dt, &scratch, &block.inside));
+                    if body.law.is_principal() {
+                        flowed = Some(flow::flow(&body.law, chunk, &mut scratch));
+                    }
+                    if let Some(alone) = alone.filter(|alone| alone.contains(&true)) {
+                        interpolation.reset(setup, chunk, &alone);
+                        moves.isolated += alone.iter().filter(|&&alone| alone).count() as u64;
+                    }
+                }
+                if p2g && !(moves.strayed || moves.diverged) {
+                    let stiffening = flowed.unwrap_or_else(|| p2g::stress(&body.law, chunk, &mut scratch));
+                    moves.demand = moves.demand.max(body.demand * stiffening);
+                    interpolation.scatter(setup, chunk, dt, &scratch, tile);
+                }
+            }
+            moves
+        };
+        let velocities = || vec![[T::ZERO; 4]; tile_size];
+        work.into_par_iter().enumerate().map_init(velocities, step).reduce(Moves::default, Moves::and)
+    }
+}
+
+type BlockWork<'a, T, const D: usize> = (&'a Block<T, D>, &'a mut [Chunk<T, D>], &'a mut [Node<T>]);

@@ -1,0 +1,112 @@
+//! A solver without its type parameters, and the choice of one for a problem.
+
+use super::g2p::Moves;
+use super::grid_update::NodeState;
+use super::solver::Solver;
+use gridfall_core::maths::real::Real;
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::{Precision, Problem};
+use gridfall_core::sim::reaction::Reaction;
+use gridfall_core::sim::timestep::Extremes;
+
+/// What the particles did in a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moved {
+    /// Largest speed (m/s).
+    pub max_speed_m_s: f64,
+    /// A particle moved a whole dx, or its velocity is not a number.
+    pub diverged: bool,
+    /// A particle is more than a cell outside a wall.
+    pub outside: bool,
+    /// A particle left the nodes of its block: bin before the next p2g.
+    pub strayed: bool,
+    /// An entry of dt ∇v was above what a step should change F by.
+    pub growing: bool,
+    /// Largest demand of the materials after the step (1/s²); 0 unless P2G followed.
+    pub demand_1_s2: f64,
+    /// Particles reset because they were alone on their nodes; by `g2p` only.
+    pub isolated: u64,
+}
+
+/// The stages of a step, one at a time. A frame is `start_frame`, `p2g`, then per step `grid_update` and `g2p2g`, in the
+/// last one `g2p`.
+pub trait Stages: Send {
+    /// Replaces all particle states; in sampling order.
+    fn load(&mut self, particles: &Particles);
+    /// Bins, and takes from the states whatever a run that starts here would take.
+    fn start_frame(&mut self);
+    /// Sorts particles into blocks and prepares these blocks' nodes.
+    fn bin(&mut self);
+    /// Mass, momentum and the impulse of a step's forces to the grid.
+    fn p2g(&mut self, dt_s: f64);
+    /// Node velocities at the end of a step from `time_s`; surfaces are where they are at its start. Returns the impulses that they
+    /// take, in the order of [`gridfall_core::sim::reaction`].
+    fn grid_update(&mut self, dt_s: f64, time_s: f64) -> Vec<Reaction>;
+    /// Moves particles; as the last step of a frame, resets those that are alone on their nodes.
+    fn g2p(&mut self, dt_s: f64) -> Moved;
+    /// `g2p`, then `p2g` for a next step of the same length, unless particles strayed.
+    fn g2p2g(&mut self, dt_s: f64) -> Moved;
+    /// Full particle states in sampling order.
+    fn particles(&self) -> Particles;
+    /// All nodes with mass, after `p2g`.
+    fn nodes(&self) -> Vec<NodeState>;
+    /// What the particles ask of the coming steps.
+    fn extremes(&self) -> Extremes;
+}
+
+impl<T: Real, const D: usize> Stages for Solver<T, D> {
+    fn load(&mut self, particles: &Particles) {
+        Solver::load(self, particles);
+    }
+    fn start_frame(&mut self) {
+        Solver::start_frame(self);
+    }
+    fn bin(&mut self) {
+        Solver::bin(self);
+    }
+    fn p2g(&mut self, dt_s: f64) {
+        Solver::p2g(self, dt_s);
+    }
+    fn grid_update(&mut self, dt_s: f64, time_s: f64) -> Vec<Reaction> {
+        Solver::grid_update(self, dt_s, time_s)
+    }
+    fn g2p(&mut self, dt_s: f64) -> Moved {
+        Solver::g2p(self, dt_s).into()
+    }
+    fn g2p2g(&mut self, dt_s: f64) -> Moved {
+        Solver::g2p2g(self, dt_s).into()
+    }
+    fn particles(&self) -> Particles {
+        Solver::particles(self)
+    }
+    fn nodes(&self) -> Vec<NodeState> {
+        self.grid.nodes(&self.tiles)
+    }
+    fn extremes(&self) -> Extremes {
+        Solver::extremes(self)
+    }
+}
+
+impl<T: Real> From<Moves<T>> for Moved {
+    fn from(m: Moves<T>) -> Self {
+        Self {
+            max_speed_m_s: m.speed_squared.to_f64().sqrt(),
+            diverged: m.diverged,
+            outside: m.outside,
+            strayed: m.strayed,
+            growing: m.growing,
+            demand_1_s2: m.demand.to_f64(),
+            isolated: m.isolated,
+        }
+    }
+}
+
+/// The solver for a problem's dimension and precision, loaded with its particles.
+pub fn stages(problem: &Problem) -> Box<dyn Stages> {
+    match (problem.dimension, problem.precision) {
+        (2, Precision::F32) => Box::new(Solver::<f32, 2>::new(problem)),
+        (2, Precision::F64) => Box::new(Solver::<f64, 2>::new(problem)),
+        (_, Precision::F32) => Box::new(Solver::<f32, 3>::new(problem)),
+        (_, Precision::F64) => Box::new(Solver::<f64, 3>::new(problem)),
+    }
+}

@@ -1,0 +1,3 @@
+//! Explicit MPM.
+
+pub mod cpu;

@@ -1,0 +1,41 @@
+//! The step's minimisation by the method that the scene names.
+
+use super::admm::alternate;
+use super::descent::descend;
+use super::hierarchy::Embedding;
+use super::lbfgs::QuasiNewton;
+use super::newton::{Conditioning, Newton};
+use super::objective::{Field, Objective};
+use super::tolerance::Tolerance;
+use super::vcycle::Plan;
+use crate::contract::Solve;
+use gridfall_core::sim::settings::{Implicit, Method};
+
+/// Minimises E from the objective's start. Time and step of the result are the engine's to fill in.
+pub fn solve<const D: usize>(objective: &dyn Objective<D>, settings: &Implicit) -> (Field<D>, Solve) {
+    let plan = Plan::new(settings);
+    let characteristic = Tolerance::characteristic(settings.tolerance);
+    let quasi_newton = |plan: Option<Plan>| {
+        descend(
+            objective,
+            &mut QuasiNewton::new(plan, settings.rebuild.then_some(settings.tolerance)),
+            characteristic,
+            settings.max_iterations,
+        )
+    };
+    let newton = |conditioning: Conditioning, tolerance: Tolerance| {
+        descend(objective, &mut Newton::new(conditioning, tolerance), tolerance, settings.max_iterations)
+    };
+    match settings.method {
+        Method::Hot => quasi_newton(Some(plan)),
+        Method::HotQuadratic => quasi_newton(Some(Plan { embedding: Embedding::Quadratic, ..plan })),
+        Method::LbfgsGmg => quasi_newton(Some(Plan { geometric: true, ..plan })),
+        Method::LbfgsH => quasi_newton(None),
+        Method::PnPcg => newton(Conditioning::Jacobi, characteristic),
+        Method::PnPcgMf => newton(Conditioning::MatrixFree, characteristic),
+        Method::PnPcgSgs => newton(Conditioning::GaussSeidel, characteristic),
+        Method::PnMgpcg => newton(Conditioning::Multigrid(plan), characteristic),
+        Method::Gast15 => newton(Conditioning::MatrixFree, Tolerance::global(settings.tolerance)),
+        Method::Admm => alternate(objective, characteristic, settings.max_iterations),
+    }
+}

@@ -1,0 +1,11 @@
+//! The engines: explicit and implicit MPM, each on the CPU and on the GPU, and which of them runs a problem.
+//!
+//! Only the `gpu` folders name wgpu.
+
+pub mod choice;
+mod contract;
+pub mod explicit;
+pub mod gpu;
+pub mod implicit;
+
+pub use contract::{Backend, Control, Engine, EngineError, FrameStats, NoControl, Solve};

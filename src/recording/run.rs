@@ -1,0 +1,280 @@
+//! Runs a problem on an engine from the first frame to the last, and keeps what it produces.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Write;
+use std::panic::resume_unwind;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc;
+use std::thread;
+
+use crate::{self as recording, Header, RecordingError, Severity, Writer};
+use gridfall_core::sim::diagnostics::{Row, SolverRow};
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::problem::Problem;
+use gridfall_engine::{Control, Engine, EngineError, FrameStats, Solve};
+
+/// Where a run's results go.
+#[derive(Clone, Debug)]
+pub struct Outputs {
+    /// The recording (MCAP).
+    pub recording: PathBuf,
+    /// A picture of the last frame (PNG).
+    pub thumbnail: Option<PathBuf>,
+    /// The diagnostics (CSV), a line as soon as a frame is done.
+    pub diagnostics: Option<PathBuf>,
+    /// The steps of the implicit integrator (CSV), written with their frame; no more than the header for an explicit run.
+    pub solver: Option<PathBuf>,
+}
+
+/// A frame that was just written.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameReport<'a> {
+    /// Number of this frame and of the last one; frame 0 is the initial state.
+    pub frame: u64,
+    pub frames: u64,
+    /// Simulated time now and at the end (s).
+    pub time_s: f64,
+    pub end_s: f64,
+    /// Sub-steps done so far in the whole run.
+    pub steps: u64,
+    pub row: &'a Row,
+}
+
+/// Follows a run, and may stop it through [`Control::canceled`].
+pub trait Observer: Control {
+    /// Called after each frame, frame 0 included, once it is in the recording; from another thread than the caller's.
+    fn frame(&self, _report: &FrameReport) {}
+}
+
+/// What a run did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// Frames in the recording, frame 0 included.
+    pub frames_written: u64,
+    pub steps: u64,
+    /// Simulated time reached (s).
+    pub time_s: f64,
+}
+
+/// Why a run ended early.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    #[error(transparent)]
+    Output(#[from] RecordingError),
+}
+
+impl RunError {
+    /// Stable code for APIs.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Engine(error) => error.code(),
+            Self::Output(_) => "output",
+        }
+    }
+}
+
+/// Simulates all frames of `problem`, which `engine` has loaded, and records each. `scene_json` is the scene's document, which goes
+/// into the recording.
+///
+/// The recording is valid whatever happens: a run that fails or is canceled keeps the frames it has, and its recording and
+/// picture get their final names as those of a complete run do.
+///
+/// # Errors
+/// The engine's error (cancellation among them), or that of a file that cannot be written.
+pub fn run(
+    scene_json: &str,
+    problem: &Problem,
+    engine: &mut dyn Engine,
+    out: &Outputs,
+    observer: &dyn Observer,
+) -> Result<Summary, RunError> {
+    let mut keeper = Keeper::create(problem, engine, out, scene_json)?;
+    let outcome = keeper.simulate(engine, observer);
+    let kept = keeper.finish(out, outcome.as_ref().err());
+    outcome.and(kept)
+}
+
+/// Simulates the frame after frame boundary `frame`: what sources emit then, and all particles' motion.
+pub fn advance(
+    problem: &Problem,
+    engine: &mut dyn Engine,
+    frame: u32,
+    control: &dyn Control,
+) -> Result<FrameStats, EngineError> {
+    let emission = problem.emission(frame);
+    if !emission.is_empty() {
+        engine.append(&emission)?;
+    }
+    engine.advance_frame(problem.frame_s, control)
+}
+
+/// Computes all frames and hands each over, until `take` refuses one.
+fn step(
+    problem: &Problem,
+    engine: &mut dyn Engine,
+    observer: &dyn Observer,
+    take: impl Fn((u64, Particles, FrameStats)) -> bool,
+) -> Result<(), EngineError> {
+    let mut stats = FrameStats::default();
+    for frame in 0..=u64::from(problem.frames) {
+        if frame > 0 {
+            if observer.canceled() {
+                return Err(EngineError::Canceled);
+            }
+            stats = advance(problem, engine, frame as u32 - 1, observer)?;
+        }
+        if !take((frame, engine.snapshot()?, std::mem::take(&mut stats))) {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// A CSV that grows by whole lines.
+struct Table {
+    file: File,
+    path: PathBuf,
+}
+
+impl Table {
+    fn create(path: &Path, header: String) -> Result<Self, RecordingError> {
+        let file = File::create(path).map_err(RecordingError::io("create", path))?;
+        let mut table = Self { file, path: path.to_owned() };
+        table.line(&header)?;
+        Ok(table)
+    }
+
+    fn line(&mut self, line: &str) -> Result<(), RecordingError> {
+        self.file.write_all(format!("{line}\n").as_bytes()).map_err(RecordingError::io("write", &self.path))
+    }
+}
+
+/// What is to be said of a frame with implicit steps that did not come down to the tolerance.
+fn unconverged(solves: &[Solve], tolerance: f64) -> Option<String> {
+    let failed = || solves.iter().filter(|solve| !solve.converged);
+    let worst = failed().max_by(|a, b| a.residual.total_cmp(&b.residual))?;
+    Some(format!(
+        "{} of {} implicit steps did not converge to {tolerance:e}: at worst the step to t = {:.6} s, with a residual of {:.1e} after {} iterations",
+        failed().count(),
+        solves.len(),
+        worst.time_s,
+        worst.residual,
+        worst.iterations
+    ))
+}
+
+/// The files of a run.
+struct Keeper<'a> {
+    problem: &'a Problem,
+    writer: Writer,
+    csv: Option<Table>,
+    solver: Option<Table>,
+    summary: Summary,
+    last: Option<Particles>,
+}
+
+impl<'a> Keeper<'a> {
+    fn create(problem: &'a Problem, engine: &dyn Engine, out: &Outputs, scene_json: &str) -> Result<Self, RunError> {
+        let backend = engine.backend();
+        let mut writer = Writer::create(&out.recording, &Header { problem, scene_json, backend })?;
+        let (name, particles) = (&problem.name, problem.total_particles());
+        let device = &backend.device;
+        writer.log(Severity::Info, format!("{name}: {particles} particles on {device} ({})", backend.reason));
+        let integrator = problem.integrator.name();
+        writer.log(Severity::Info, format!("{integrator} integration: {}", problem.integrator_reason));
+        let table =
+            |path: &Option<PathBuf>, header: String| path.as_ref().map(|p| Table::create(p, header)).transpose();
+        let csv = table(&out.diagnostics, Row::csv_header(problem))?;
+        let solver = table(&out.solver, SolverRow::csv_header())?;
+        Ok(Self { problem, writer, csv, solver, summary: Summary::default(), last: None })
+    }
+
+    /// Steps on this thread; measures and records each frame on another while the next one is computed.
+    fn simulate(&mut self, engine: &mut dyn Engine, observer: &dyn Observer) -> Result<Summary, RunError> {
+        let problem = self.problem;
+        // Without a buffer: two frames are in memory at most.
+        let (sender, receiver) = mpsc::sync_channel(0);
+        let keeper = &mut *self;
+        let (stepped, kept) = thread::scope(|scope| {
+            let keeping = scope.spawn(move || -> Result<(), RunError> {
+                receiver
+                    .into_iter()
+                    .try_for_each(|(frame, particles, stats)| keeper.keep(frame, particles, &stats, observer))
+            });
+            let stepped = step(problem, engine, observer, |frame| sender.send(frame).is_ok());
+            drop(sender);
+            (stepped, keeping.join().unwrap_or_else(|panic| resume_unwind(panic)))
+        });
+        kept?;
+        stepped?;
+        Ok(self.summary)
+    }
+
+    /// Measures and records a frame.
+    fn keep(
+        &mut self,
+        frame: u64,
+        particles: Particles,
+        stats: &FrameStats,
+        observer: &dyn Observer,
+    ) -> Result<(), RunError> {
+        self.last = None;
+        let problem = self.problem;
+        let time_s = frame as f64 * problem.frame_s;
+        let row = Row::measure(problem, &particles, frame, time_s, stats);
+        if stats.isolated_reset > 0 {
+            let message = format!("{} particles were alone on their nodes and were reset", stats.isolated_reset);
+            self.writer.log(Severity::Warning, message);
+        }
+        if let Some(message) = unconverged(&stats.solves, problem.implicit.tolerance) {
+            self.writer.log(Severity::Warning, message);
+        }
+        let steps = SolverRow::of_frame(frame, self.summary.steps, &stats.solves);
+        self.writer.frame(problem, &particles, &row, &steps)?;
+        if let Some(table) = &mut self.csv {
+            table.line(&row.csv())?;
+        }
+        if let Some(table) = &mut self.solver {
+            steps.iter().try_for_each(|step| table.line(&step.csv()))?;
+        }
+        self.last = Some(particles);
+        self.summary = Summary { frames_written: frame + 1, steps: self.summary.steps + stats.steps, time_s };
+        observer.frame(&FrameReport {
+            frame,
+            frames: problem.frames.into(),
+            time_s,
+            end_s: f64::from(problem.frames) * problem.frame_s,
+            steps: self.summary.steps,
+            row: &row,
+        });
+        Ok(())
+    }
+
+    /// Completes all files, whether the run was complete or not.
+    fn finish(mut self, out: &Outputs, failure: Option<&RunError>) -> Result<Summary, RunError> {
+        let Summary { frames_written, steps, time_s } = self.summary;
+        let (status, severity, message) = match failure {
+            None => ("complete", Severity::Info, format!("complete: {frames_written} frames, {steps} steps")),
+            Some(RunError::Engine(EngineError::Canceled)) => ("canceled", Severity::Warning, "canceled".into()),
+            Some(error) => ("failed", Severity::Error, error.to_string()),
+        };
+        self.writer.log(severity, message.clone());
+        let entries = [
+            ("status", status.to_owned()),
+            ("message", message),
+            ("frames", frames_written.to_string()),
+            ("steps", steps.to_string()),
+            ("time_s", time_s.to_string()),
+            ("dt_s", if steps > 0 { time_s / steps as f64 } else { 0.0 }.to_string()),
+        ];
+        let result = BTreeMap::from(entries.map(|(key, value)| (key.to_owned(), value)));
+        self.writer.finish(result)?;
+        if let (Some(path), Some(particles)) = (&out.thumbnail, &self.last) {
+            recording::write_file(path, &recording::thumbnail(self.problem, particles, time_s))?;
+        }
+        Ok(self.summary)
+    }
+}

@@ -1,0 +1,309 @@
+//! Shapes to points: the lattice points inside a solid, counted without storing them or drawn in a fixed order.
+//!
+//! The lattice has spacing h = dx / ppc^(1/d), aligned with the grid, half a spacing from its lines. Signed distances never
+//! exceed the true distance, so one evaluation at the centre of a block of points can settle all of them: the cost of a count
+//! grows with the surface of the solid.
+
+pub mod poisson;
+
+use std::ops::Range;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use crate::sampling::poisson::Darts;
+use crate::schema::Sampling;
+use gridfall_core::sim::collider::Sdf;
+
+/// Points closer to the surface than this many spacings count as outside, so that rounding cannot decide where two bodies touch.
+const TIE: f64 = 1e-9;
+
+/// Lattice indices stay below this on either side; a scene's limits are far below it.
+const FAR: f64 = (1u64 << 38) as f64;
+
+/// Blocks of the lattice are split down to this many points.
+const LEAF_POINTS: u64 = 512;
+
+/// Points on each axis, for one of the lattice, that measure a volume.
+const FINER: i64 = 4;
+
+/// Points near the surface that are tested for each point that may be inside, before a count is given up.
+const TESTS_PER_POINT: u64 = 16;
+
+/// The lattice of a body.
+#[derive(Clone, Debug)]
+pub struct Lattice {
+    pub origin: [f64; 3],
+    pub spacing: f64,
+    pub dimension: usize,
+    /// Indices to look at on each axis (0..1 on z in 2D).
+    pub range: [Range<i64>; 3],
+    /// Upper corner of the grid it is clipped to.
+    end: [f64; 3],
+}
+
+/// Half-open block of lattice indices.
+type Block = [Range<i64>; 3];
+
+/// A count that is given up when it gets too large. Whether that happens does not depend on the order of the work.
+struct Count {
+    inside: AtomicU64,
+    tested: AtomicU64,
+    most: u64,
+}
+
+impl Count {
+    fn is_over(&self) -> bool {
+        let tests = TESTS_PER_POINT.saturating_mul(self.most.max(1 << 20));
+        self.inside.load(Relaxed) > self.most || self.tested.load(Relaxed) > tests
+    }
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Side {
+    Outside,
+    Inside,
+    Both,
+}
+
+impl Lattice {
+    /// The lattice points whose cells meet the box `bounds`.
+    pub fn over(origin: [f64; 3], spacing: f64, dimension: usize, bounds: [[f64; 3]; 2]) -> Self {
+        let range = std::array::from_fn(|a| {
+            if a >= dimension {
+                return 0..1;
+            }
+            let index = |x: f64| ((x - origin[a]) / spacing).clamp(-FAR, FAR);
+            let (low, high) = (index(bounds[0][a]).floor() as i64, index(bounds[1][a]).ceil() as i64);
+            low..high.max(low)
+        });
+        Self { origin, spacing, dimension, range, end: [f64::INFINITY; 3] }
+    }
+
+    /// The part of the lattice inside a grid of `cells`, with `per_axis` points to a cell.
+    pub fn clipped(&self, cells: [usize; 3], per_axis: f64) -> Self {
+        let range = std::array::from_fn(|a| {
+            if a >= self.dimension {
+                return 0..1;
+            }
+            let end = (cells[a] as f64 * per_axis).ceil() as i64;
+            let low = self.range[a].start.clamp(0, end);
+            low..self.range[a].end.clamp(low, end)
+        });
+        let end = std::array::from_fn(|a| self.origin[a] + cells[a] as f64 * per_axis * self.spacing);
+        Self { range, end, ..self.clone() }
+    }
+
+    /// Poisson-disk sampling with as many points.
+    pub fn darts(&self) -> Darts {
+        Darts::new(self.origin, self.spacing.powi(-(self.dimension as i32)), self.dimension)
+    }
+
+    /// The box that the lattice's cells fill, inside the grid, lower then upper corner.
+    pub fn bounds(&self) -> [[f64; 3]; 2] {
+        let corner = |i: &dyn Fn(usize) -> i64| self.point([i(0), i(1), i(2)], [0.0; 3]);
+        let upper = corner(&|a| self.range[a].end);
+        [corner(&|a| self.range[a].start), std::array::from_fn(|a| upper[a].min(self.end[a]))]
+    }
+
+    /// The solid's volume (m^d) in the lattice's range, from points `FINER` times as close.
+    pub fn volume(&self, sdf: &Sdf) -> f64 {
+        let range = std::array::from_fn(|a| {
+            if a < self.dimension { FINER * self.range[a].start..FINER * self.range[a].end } else { 0..1 }
+        });
+        let fine = Self { spacing: self.spacing / FINER as f64, range, ..*self };
+        let inside = fine.count(sdf, u64::MAX).expect("a count without a limit");
+        inside as f64 * fine.spacing.powi(self.dimension as i32)
+    }
+
+    /// Number of points looked at; the methods below want it below 2⁶³.
+    pub fn candidates(&self) -> f64 {
+        self.range.iter().map(|r| (r.end - r.start) as f64).product()
+    }
+
+    /// Position of a lattice point, moved by `offset` spacings from the lower corner of its cell (½ is the point itself).
+    fn point(&self, i: [i64; 3], offset: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|a| {
+            if a < self.dimension { self.origin[a] + (i[a] as f64 + offset[a]) * self.spacing } else { 0.0 }
+        })
+    }
+
+    fn side(&self, sdf: &Sdf, block: &Block) -> Side {
+        let extent: [f64; 3] = std::array::from_fn(|a| (block[a].end - block[a].start) as f64);
+        let corner = [block[0].start, block[1].start, block[2].start];
+        let center = self.point(corner, extent.map(|e| 0.5 * e));
+        let half = (0..self.dimension).map(|a| extent[a] * extent[a]).sum::<f64>().sqrt() * 0.5;
+        let reach = half * self.spacing + sdf.slack();
+        let tie = TIE * self.spacing;
+        match sdf.distance(center) {
+            d if d > reach - tie => Side::Outside,
+            d if d < -(reach + tie) => Side::Inside,
+            _ => Side::Both,
+        }
+    }
+
+    fn inside(&self, sdf: &Sdf, x: [f64; 3]) -> bool {
+        sdf.distance(x) < -TIE * self.spacing
+    }
+
+    /// Number of lattice points inside the solid, which is also the expected number of jittered points; none when there are more than
+    /// `most`, or so much surface that they cannot be told with work in proportion to `most`.
+    pub fn count(&self, sdf: &Sdf, most: u64) -> Option<u64> {
+        let count = Count { inside: AtomicU64::new(0), tested: AtomicU64::new(0), most };
+        self.count_in(sdf, &self.range, &count);
+        (!count.is_over()).then(|| count.inside.into_inner())
+    }
+
+    fn count_in(&self, sdf: &Sdf, block: &Block, count: &Count) {
+        if count.is_over() {
+            return;
+        }
+        match self.side(sdf, block) {
+            Side::Outside => {}
+            Side::Inside => drop(count.inside.fetch_add(points(block), Relaxed)),
+            Side::Both => match halves(block) {
+                Some((low, high)) => {
+                    rayon::join(|| self.count_in(sdf, &low, count), || self.count_in(sdf, &high, count));
+                }
+                None => {
+                    let inside = indices(block).filter(|&i| self.inside(sdf, self.point(i, [0.5; 3]))).count();
+                    count.inside.fetch_add(inside as u64, Relaxed);
+                    count.tested.fetch_add(points(block), Relaxed);
+                }
+            },
+        }
+    }
+
+    /// The points inside the solid, block by block; the order and the random draws depend on nothing but the arguments.
+    ///
+    /// Poisson-disk points are as dense as the lattice, in the part of space that it covers.
+    pub fn sample(&self, sdf: &Sdf, sampling: Sampling, seed: u64, body: u64) -> Vec<[f64; 3]> {
+        if sampling == Sampling::PoissonDisk {
+            return self.darts().throw(sdf, self.bounds(), seed, body);
+        }
+        let mut leaves = Vec::new();
+        self.leaves(sdf, self.range.clone(), &mut leaves);
+        let sampled: Vec<Vec<[f64; 3]>> = leaves
+            .par_iter()
+            .map(|block| {
+                let mut random = random(seed, body, block);
+                let jittered = sampling == Sampling::Jittered;
+                let point =
+                    |i| self.point(i, if jittered { std::array::from_fn(|_| random.random()) } else { [0.5; 3] });
+                indices(block).map(point).filter(|&x| self.inside(sdf, x)).collect()
+            })
+            .collect();
+        sampled.concat()
+    }
+
+    fn leaves(&self, sdf: &Sdf, block: Block, leaves: &mut Vec<Block>) {
+        if self.side(sdf, &block) == Side::Outside {
+            return;
+        }
+        match halves(&block) {
+            Some((low, high)) => {
+                self.leaves(sdf, low, leaves);
+                self.leaves(sdf, high, leaves);
+            }
+            None => leaves.push(block),
+        }
+    }
+}
+
+/// A generator of its own for each body and block.
+fn random(seed: u64, body: u64, block: &Block) -> ChaCha8Rng {
+    let mut key = [0; 32];
+    key[..8].copy_from_slice(&seed.to_le_bytes());
+    key[8..16].copy_from_slice(&body.to_le_bytes());
+    for (a, range) in block.iter().enumerate() {
+        key[16 + 5 * a..21 + 5 * a].copy_from_slice(&range.start.to_le_bytes()[..5]);
+    }
+    ChaCha8Rng::from_seed(key)
+}
+
+fn points(block: &Block) -> u64 {
+    block.iter().map(|r| (r.end - r.start) as u64).product()
+}
+
+fn indices(block: &Block) -> impl Iterator<Item = [i64; 3]> {
+    let [x, y, z] = block.clone();
+    x.flat_map(move |i| {
+        let z = z.clone();
+        y.clone().flat_map(move |j| z.clone().map(move |k| [i, j, k]))
+    })
+}
+
+/// The block cut across its longest axis; none when it is small enough.
+fn halves(block: &Block) -> Option<(Block, Block)> {
+    if points(block) <= LEAF_POINTS {
+        return None;
+    }
+    let axis = (0..3).max_by_key(|&a| block[a].end - block[a].start).unwrap_or(0);
+    let middle = (block[axis].start + block[axis].end) / 2;
+    let (mut low, mut high) = (block.clone(), block.clone());
+    low[axis].end = middle;
+    high[axis].start = middle;
+    Some((low, high))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gridfall_core::sim::collider::{Primitive, SdfOp};
+    use gridfall_core::sim::particles::IDENTITY;
+
+    fn ball(radius: f64) -> Sdf {
+        Sdf {
+            ops: vec![SdfOp::Primitive {
+                primitive: Primitive::Sphere(radius),
+                rotation: IDENTITY,
+                translation: [0.5; 3],
+            }],
+        }
+    }
+
+    #[test]
+    fn counts_what_it_samples_and_what_a_plain_loop_finds() {
+        let sdf = ball(0.31);
+        let lattice = Lattice::over([0.0; 3], 1.0 / 64.0, 3, sdf.bounds());
+        let plain = indices(&lattice.range).filter(|&i| lattice.inside(&sdf, lattice.point(i, [0.5; 3]))).count();
+        let mut sampled = lattice.sample(&sdf, Sampling::Regular, 1, 0);
+        assert_eq!(lattice.count(&sdf, u64::MAX), Some(plain as u64));
+        assert_eq!(sampled.len(), plain);
+        sampled.sort_by(|a, b| a.partial_cmp(b).unwrap());
+        sampled.dedup();
+        assert_eq!(sampled.len(), plain, "a point twice");
+        assert_eq!(lattice.count(&sdf, plain as u64 - 1), None);
+    }
+
+    #[test]
+    fn jitter_depends_on_seed_and_body_and_on_nothing_else() {
+        let sdf = ball(0.31);
+        let lattice = Lattice::over([0.0; 3], 1.0 / 32.0, 3, sdf.bounds());
+        let draw = |seed, body| lattice.sample(&sdf, Sampling::Jittered, seed, body);
+        let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        assert_eq!(draw(7, 0), one_thread.install(|| draw(7, 0)));
+        assert_ne!(draw(7, 0), draw(8, 0));
+        assert_ne!(draw(7, 0), draw(7, 1));
+        assert!(draw(7, 0).iter().all(|&x| sdf.distance(x) < 0.0));
+    }
+
+    #[test]
+    fn a_shape_on_the_lattice_lines_keeps_whole_cells_only() {
+        let sdf = Sdf {
+            ops: vec![SdfOp::Primitive {
+                primitive: Primitive::Box([0.2, 0.1, 0.3]),
+                rotation: IDENTITY,
+                translation: [0.5, 0.3, 0.4],
+            }],
+        };
+        for cells in [10.0, 30.0, 70.0] {
+            let lattice = Lattice::over([0.0; 3], 0.5 / cells, 3, sdf.bounds());
+            let expected = 8.0 * 0.2 * 0.1 * 0.3 * (2.0 * cells).powi(3);
+            assert_eq!(lattice.count(&sdf, 1 << 40), Some(expected.round() as u64));
+        }
+    }
+}

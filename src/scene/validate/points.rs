@@ -1,0 +1,45 @@
+//! Meaning of particles from files: one source, one deformation, all in the domain.
+
+use crate::build::determinant;
+use crate::build::solid::vector3;
+use crate::fault::join;
+use crate::schema::{Body, Points};
+use crate::validate::Check;
+
+/// Judges the particles of a body at `at`; how many there are, if that can be told.
+pub(crate) fn check_points(check: &mut Check, at: &str, body: &Body, points: &Points) -> Option<u64> {
+    let at_points = join(at, "points");
+    if points.asset.is_some() == points.file.is_some() {
+        let reason = if points.asset.is_some() { "`asset` is given beside `file`" } else { "the file is missing" };
+        let remedy = "give one of `asset`, an upload's id, and `file`, a path (command line only)";
+        check.fault(&at_points, "not_one_source", reason, remedy);
+        return None;
+    }
+    // Why a file could not be read is a fault already.
+    let read = points.read.as_ref()?;
+    if let Some(f) = &read.f {
+        for (field, given) in [("deformation_gradient", body.deformation_gradient.is_some()), ("J", body.j.is_some())] {
+            if given {
+                let reason = format!("`{field}` is given beside the `F` of the file");
+                check.fault(&join(at, field), "conflicting_fields", reason, "keep one of them");
+            }
+        }
+        if let Some(n) = f.iter().position(|f| !(determinant(f) > 0.0 && determinant(f).is_finite())) {
+            let reason = format!("the determinant of `F` of point {n} is {}", determinant(&f[n]));
+            check.fault(&at_points, "not_positive", reason, "write matrices with positive determinants");
+        }
+    }
+    if !check.has_grid() {
+        return None;
+    }
+    let domain = &check.scene.domain;
+    let (min, max) = (vector3(&domain.min), vector3(&domain.max));
+    let outside = |x: &&[f64; 3]| (0..check.dimension).any(|a| x[a] < min[a] || x[a] > max[a]);
+    let out = read.x.iter().filter(outside).count();
+    if out > 0 {
+        let reason = format!("{out} of {} points are outside the domain", read.x.len());
+        check.fault(&at_points, "outside_domain", reason, "move the points or enlarge the domain");
+        return None;
+    }
+    Some(read.x.len() as u64)
+}

@@ -1,0 +1,60 @@
+//! Meaning of the solver's settings, and whether the materials can run with them.
+
+use crate::fault::join;
+use crate::schema::{Implicit, Integrator, Material, Scene, Solver};
+use crate::validate::Check;
+use gridfall_core::sim::settings::Method;
+
+/// Largest ε: beyond it a step's velocities are off by as much as they change.
+const MAX_TOLERANCE: f64 = 1e-2;
+/// Levels at most: each has half the nodes along an axis, and no axis has more than 2¹⁶ cells.
+const MAX_LEVELS: u32 = 10;
+
+pub(crate) fn check_solver(check: &mut Check, solver: &Solver) {
+    if check.finite("/solver/cfl", solver.cfl) && !(solver.cfl > 0.0 && solver.cfl <= 1.0) {
+        let reason = format!("the CFL number is {}", solver.cfl);
+        check.fault("/solver/cfl", "out_of_range", reason, "write a number above 0 and up to 1");
+    }
+    if let Some(dt) = solver.max_dt {
+        check.positive("/solver/max_dt", dt, "the largest step");
+    }
+    check_implicit(check, &solver.implicit);
+    if solver.integrator == Integrator::Implicit {
+        check_materials(check, solver.implicit.method);
+    }
+}
+
+fn check_implicit(check: &mut Check, implicit: &Implicit) {
+    let at = |name: &str| join("/solver/implicit", name);
+    let tolerance = implicit.tolerance;
+    if check.finite(&at("tolerance"), tolerance) && !(tolerance > 0.0 && tolerance <= MAX_TOLERANCE) {
+        let remedy = format!("write a number above 0 and up to {MAX_TOLERANCE}; 1e-7 is usual, 1e-9 accurate");
+        check.fault(&at("tolerance"), "out_of_range", format!("the tolerance is {tolerance}"), remedy);
+    }
+    if !(1..=MAX_LEVELS).contains(&implicit.levels) {
+        let remedy = format!("write a number from 1 to {MAX_LEVELS}; 3 is usual");
+        check.fault(&at("levels"), "out_of_range", format!("{} levels", implicit.levels), remedy);
+    }
+    if implicit.max_iterations == 0 {
+        let remedy = "write a number above 0; 1000 is usual";
+        check.fault(&at("max_iterations"), "out_of_range", "no iteration is allowed", remedy);
+    }
+}
+
+/// Judges the materials that are in use by what `method` can do.
+fn check_materials(check: &mut Check, method: Method) {
+    let Scene { materials, bodies, sources, .. } = check.scene;
+    let used = bodies.iter().map(|body| &body.material).chain(sources.iter().map(|source| &source.material));
+    let used: Vec<(&String, &Material)> = used.filter_map(|name| materials.get_key_value(name)).collect();
+    if let Some((name, _)) = used.iter().find(|(_, material)| material.is_fluid()) {
+        let reason = format!("the material '{name}' is a fluid, and fluids run explicitly only");
+        let remedy = "write `explicit` or `auto`, or take the fluid out";
+        check.fault("/solver/integrator", "unsupported", reason, remedy);
+    }
+    let plastic = used.iter().find(|(_, material)| !material.is_elastic() && !material.is_fluid());
+    if let (Method::Admm, Some((name, _))) = (method, plastic) {
+        let reason = format!("`admm` is for elastic materials, and '{name}' is plastic");
+        let remedy = "write `hot`, or make the material fixed-corotated, neo-hookean or stvk-hencky";
+        check.fault("/solver/implicit/method", "unsupported", reason, remedy);
+    }
+}

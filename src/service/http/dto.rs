@@ -1,0 +1,421 @@
+//! What goes over the wire. Kept apart from the store's records and the scene's schema, so that each may change alone.
+
+use std::collections::BTreeMap;
+
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+use utoipa::{IntoParams, ToSchema};
+use uuid::Uuid;
+
+use super::problem::Code;
+use crate::store::{self, Status};
+use gridfall_engine as engine;
+use gridfall_scene as scene;
+
+/// A request to run a scene.
+#[derive(Debug, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SubmitJob {
+    /// The scene document; its JSON Schema is at `/v1/schema/scene`.
+    #[schema(value_type = Object)]
+    pub scene: serde_json::Value,
+    /// Name of the job; the scene's by default.
+    #[schema(max_length = 200)]
+    pub name: Option<String>,
+    /// Values that replace those of the scene, by path.
+    #[serde(default)]
+    #[schema(example = json!({"solver.kernel": "quadratic"}))]
+    pub overrides: BTreeMap<String, serde_json::Value>,
+}
+
+/// A job.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Job {
+    pub id: Uuid,
+    pub name: String,
+    pub status: Status,
+    pub created_at: Timestamp,
+    /// When the current attempt started.
+    #[schema(required)]
+    pub started_at: Option<Timestamp>,
+    #[schema(required)]
+    pub finished_at: Option<Timestamp>,
+    /// How many times a worker has taken the job up.
+    pub attempt: i64,
+    /// True once canceling was asked for.
+    pub cancel_requested: bool,
+    /// 1 for the job that runs next; null unless queued.
+    #[schema(required)]
+    pub queue_position: Option<i64>,
+    pub particles: u64,
+    pub progress: Progress,
+    /// How the job is integrated: `explicit` or `implicit`.
+    pub integrator: String,
+    /// Why, in a sentence.
+    pub integrator_reason: String,
+    /// What the attempt runs on; null before it has started.
+    #[schema(required)]
+    pub backend: Option<Backend>,
+    #[schema(required)]
+    pub failure: Option<Failure>,
+}
+
+/// How far a job's current attempt has come.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Progress {
+    /// Simulated time (s).
+    pub sim_time: f64,
+    /// Simulated time at the end of the job (s).
+    pub end_time: f64,
+    /// Sub-steps done.
+    pub step: u64,
+    pub frames_written: u64,
+    /// Frames at the end of the job, frame 0 included.
+    pub frames: u64,
+    /// Share of the simulated time that is done, 0 to 1.
+    pub fraction: f64,
+    /// Estimated wall time to the end (s); null unless running.
+    #[schema(required)]
+    pub eta_s: Option<f64>,
+    /// Mean speed of the attempt.
+    #[schema(required)]
+    pub particle_steps_per_s: Option<f64>,
+}
+
+/// What a job runs on.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Backend {
+    /// `cpu` or `gpu`.
+    pub kind: String,
+    /// Processor or adapter name.
+    pub device: String,
+    /// Driver name and version; empty on the CPU.
+    pub driver: String,
+    /// True for a Vulkan driver that runs on the CPU.
+    pub software: bool,
+    /// Why this device was chosen.
+    pub reason: String,
+}
+
+/// Why a job failed.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Failure {
+    /// Stable, for programs.
+    pub code: String,
+    pub message: String,
+}
+
+/// A file that scenes can name.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Asset {
+    /// `sha256:` and the 64 hexadecimal digits of the SHA-256 of its bytes.
+    pub id: String,
+    pub bytes: u64,
+    /// `stl`, `obj`, `ply`, `gltf` or `npz`.
+    pub kind: String,
+}
+
+impl From<store::Asset> for Asset {
+    fn from(asset: store::Asset) -> Self {
+        Self { id: asset.id, bytes: asset.bytes, kind: asset.kind }
+    }
+}
+
+/// All assets.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct AssetList {
+    pub assets: Vec<Asset>,
+}
+
+/// Which jobs to list.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct ListJobs {
+    /// Only jobs in this status.
+    #[param(inline)]
+    pub status: Option<Status>,
+    /// Jobs a page; 50 by default.
+    #[param(minimum = 1, maximum = 200)]
+    pub limit: Option<i64>,
+    /// `next_cursor` of the page before.
+    pub cursor: Option<String>,
+}
+
+/// A page of jobs, newest first.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct JobList {
+    pub jobs: Vec<Job>,
+    /// Asks for the next page; null on the last one.
+    #[schema(required)]
+    pub next_cursor: Option<String>,
+}
+
+/// How to write diagnostics.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct DiagnosticsQuery {
+    /// `json` by default.
+    #[param(inline)]
+    #[serde(default)]
+    pub format: DiagnosticsFormat,
+    /// `frame` by default.
+    #[param(inline)]
+    #[serde(default)]
+    pub per: DiagnosticsPer,
+}
+
+/// What a row of diagnostics is of.
+#[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum DiagnosticsPer {
+    /// A frame: energies, momenta and extremes.
+    #[default]
+    Frame,
+    /// A step of the implicit integrator: iterations and residual.
+    Step,
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum DiagnosticsFormat {
+    #[default]
+    Json,
+    Csv,
+}
+
+/// The diagnostics of the frames, or of the implicit steps, so far.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Diagnostics {
+    /// One object a frame, frame 0 included, or a step; keys as the columns of the CSV.
+    #[schema(value_type = Vec<Object>)]
+    pub rows: Vec<serde_json::Value>,
+}
+
+/// A scene found valid, and what it costs.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct ValidScene {
+    pub valid: bool,
+    pub estimate: Estimate,
+}
+
+/// What a run will cost, from its state at time 0.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Estimate {
+    pub particles: u64,
+    /// Cells of the domain on each axis.
+    pub cells: [usize; 3],
+    /// Active blocks of 4³ cells (2D: 4²).
+    pub blocks: u64,
+    /// Host memory of a run on the CPU.
+    pub host_memory_bytes: u64,
+    /// Device memory of a run on a GPU; null when GPUs cannot run the scene.
+    #[schema(required)]
+    pub device_memory_bytes: Option<u64>,
+    /// How the run is integrated: `explicit` or `implicit`.
+    pub integrator: String,
+    /// Why, in a sentence.
+    pub integrator_reason: String,
+    /// What explicit integration is predicted to cost.
+    pub explicit: Integration,
+    /// What implicit integration is predicted to cost; null where a material has none.
+    #[schema(required)]
+    pub implicit: Option<Integration>,
+    /// Step at time 0 (s).
+    pub dt_s: f64,
+    /// Stable name of the rule that set the step.
+    pub dt_bound: &'static str,
+    /// The same in words, and what would lengthen the step.
+    pub dt_reason: String,
+    /// All rules and the step that each allows, the ruling one first.
+    pub dt_limits: Vec<Limit>,
+    pub steps_per_frame: u64,
+    /// Frames in the recording, frame 0 included.
+    pub frames: u64,
+    /// Steps of the whole run, if the step stays as it is.
+    pub steps: u64,
+    /// Particles times steps, which run time is proportional to.
+    pub particle_steps: f64,
+    /// Simulated time at the end (s).
+    pub end_time: f64,
+}
+
+/// One way to integrate a run, and its predicted cost.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Integration {
+    /// Step at time 0 (s).
+    pub dt_s: f64,
+    /// Steps of the whole run, if the step stays as it is.
+    pub steps: u64,
+    /// Wall time that is typical of two cores of a server; the ratio of both ways holds for other devices.
+    pub two_cores_s: f64,
+}
+
+impl From<scene::estimate::Integration> for Integration {
+    fn from(integration: scene::estimate::Integration) -> Self {
+        let scene::estimate::Integration { dt_s, steps, two_cores_s } = integration;
+        Self { dt_s, steps, two_cores_s }
+    }
+}
+
+/// A rule of the step, and what it allows.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Limit {
+    /// Stable name.
+    pub rule: &'static str,
+    /// The body that it is about; null for rules about the whole scene.
+    #[schema(required)]
+    pub body: Option<String>,
+    /// s.
+    pub dt_s: f64,
+}
+
+impl From<scene::estimate::Limit> for Limit {
+    fn from(limit: scene::estimate::Limit) -> Self {
+        Self { rule: limit.rule, body: limit.body, dt_s: limit.dt_s }
+    }
+}
+
+impl From<scene::estimate::Estimate> for Estimate {
+    fn from(estimate: scene::estimate::Estimate) -> Self {
+        Self {
+            particles: estimate.particles,
+            cells: estimate.cells,
+            blocks: estimate.blocks,
+            host_memory_bytes: estimate.host_memory_bytes,
+            device_memory_bytes: estimate.device_memory_bytes,
+            integrator: estimate.integrator.name().into(),
+            integrator_reason: estimate.integrator_reason,
+            explicit: estimate.explicit.into(),
+            implicit: estimate.implicit.map(Into::into),
+            dt_s: estimate.dt_s,
+            dt_bound: estimate.dt_bound,
+            dt_reason: estimate.dt_reason,
+            dt_limits: estimate.dt_limits.into_iter().map(Limit::from).collect(),
+            steps_per_frame: estimate.steps_per_frame,
+            frames: u64::from(estimate.frames) + 1,
+            steps: estimate.steps,
+            particle_steps: estimate.particle_steps,
+            end_time: estimate.simulated_s,
+        }
+    }
+}
+
+/// Proof of life.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Live {
+    /// `live`.
+    pub status: &'static str,
+    pub version: &'static str,
+}
+
+/// That the server can take and run jobs.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Ready {
+    /// `ready`.
+    pub status: &'static str,
+    pub checks: Vec<Check>,
+}
+
+/// One condition of readiness.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Check {
+    /// `store`, `worker` or `device`.
+    pub name: &'static str,
+    pub ok: bool,
+    pub detail: String,
+}
+
+/// An error (RFC 9457).
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Problem {
+    /// `urn:gridfall:problem:` and the code.
+    #[serde(rename = "type")]
+    pub kind: String,
+    pub title: &'static str,
+    pub status: u16,
+    pub code: Code,
+    /// What went wrong this time, and what to do about it.
+    pub detail: String,
+    /// All faults of the scene, for `invalid_scene`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[schema(required = false)]
+    pub faults: Vec<Fault>,
+    /// For `not_ready`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[schema(required = false)]
+    pub checks: Vec<Check>,
+}
+
+/// One fault of a scene.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Fault {
+    /// JSON pointer (RFC 6901) into the request's body.
+    pub pointer: String,
+    /// Stable, for programs.
+    pub code: String,
+    /// What is wrong.
+    pub reason: String,
+    /// What to change.
+    pub remedy: String,
+}
+
+impl From<scene::Fault> for Fault {
+    fn from(fault: scene::Fault) -> Self {
+        Self { pointer: fault.pointer, code: fault.code.to_string(), reason: fault.reason, remedy: fault.remedy }
+    }
+}
+
+impl From<store::Job> for Job {
+    fn from(job: store::Job) -> Self {
+        let progress = Progress::new(&job);
+        Self {
+            id: job.id,
+            name: job.name,
+            status: job.status,
+            created_at: job.created_at,
+            started_at: job.started_at,
+            finished_at: job.finished_at,
+            attempt: job.attempt,
+            cancel_requested: job.cancel_requested,
+            queue_position: job.queue_position,
+            particles: job.particles,
+            progress,
+            integrator: job.integrator,
+            integrator_reason: job.integrator_reason,
+            backend: job.backend.map(Into::into),
+            failure: job.failure.map(|failure| Failure { code: failure.code, message: failure.message }),
+        }
+    }
+}
+
+impl Progress {
+    fn new(job: &store::Job) -> Self {
+        let now = job.progress;
+        let fraction = (now.sim_time_s / job.end_time_s).clamp(0.0, 1.0);
+        let known = |value: f64| value.is_finite().then_some(value);
+        Self {
+            sim_time: now.sim_time_s,
+            end_time: job.end_time_s,
+            step: now.step,
+            frames_written: now.frames_written,
+            frames: job.frames,
+            fraction,
+            eta_s: (job.status == Status::Running).then(|| known(now.run_s * (1.0 - fraction) / fraction)).flatten(),
+            particle_steps_per_s: known(job.particles as f64 * now.step as f64 / now.run_s),
+        }
+    }
+}
+
+impl From<engine::Backend> for Backend {
+    fn from(backend: engine::Backend) -> Self {
+        let engine::Backend { kind, device, driver, software, reason } = backend;
+        Self { kind, device, driver, software, reason }
+    }
+}
+
+/// The bytes of a file.
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary)]
+pub struct Bytes(());

@@ -1,0 +1,251 @@
+//! What a job produces: its recording, a picture and its diagnostics.
+
+use std::io;
+use std::path::Path;
+use std::time::UNIX_EPOCH;
+
+use axum::Json;
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use tokio::fs::File;
+use tokio::io::{AsyncReadExt, AsyncSeekExt, SeekFrom};
+use tokio_util::io::ReaderStream;
+use uuid::Uuid;
+
+use super::dto::{self, Diagnostics, DiagnosticsFormat, DiagnosticsPer, DiagnosticsQuery};
+use super::extract::{JobId, Query};
+use super::openapi::PROBLEM;
+use super::problem::{Code, Problem, internal};
+use super::range::{Selection, entity_tag_matches, not_modified, select};
+use super::state::Api;
+use crate::store::{JobFiles, Status};
+use gridfall_recording::{self as recording, RecordingError};
+
+/// The recording (MCAP). Of a job that has ended: the file, by ranges if asked. Of a running one: a complete recording of
+/// the frames so far.
+#[utoipa::path(get, path = "/v1/jobs/{id}/recording.mcap", tag = "outputs",
+    params(
+        ("id" = Uuid, Path),
+        ("Range" = Option<String>, Header, description = "One byte range of a finished recording"),
+        ("If-Range" = Option<String>, Header, description = "`ETag` that the range is of"),
+        ("If-None-Match" = Option<String>, Header, description = "`ETag` of an earlier answer"),
+    ),
+    responses(
+        (status = 200, content_type = "application/octet-stream", body = dto::Bytes,
+            headers(("ETag" = String), ("Accept-Ranges" = String))),
+        (status = 206, content_type = "application/octet-stream", body = dto::Bytes,
+            headers(("ETag" = String), ("Content-Range" = String))),
+        (status = 304, description = "The recording is as it was"),
+        (status = 404, body = dto::Problem, content_type = PROBLEM, description = "`job_not_found`, `output_not_found`"),
+        (status = 416, body = dto::Problem, content_type = PROBLEM, description = "`range_not_satisfiable`"),
+    ))]
+pub async fn recording(
+    State(api): State<Api>,
+    JobId(id): JobId,
+    method: Method,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let (files, status) = find(&api, id).await?;
+    let name = format!("gridfall-{id}.mcap");
+    let file = FileAnswer { path: &files.recording(), content_type: "application/octet-stream", download: Some(&name) };
+    if let Some(response) = file.send(&method, &headers).await? {
+        return Ok(response);
+    }
+    if let Some(response) = snapshot(&files, &name).await? {
+        return Ok(response);
+    }
+    // A recording that was finished between the two looks is there now.
+    file.send(&method, &headers).await?.ok_or_else(|| missing("recording", status))
+}
+
+/// The frames so far as a complete recording; none before the first one is written.
+async fn snapshot(files: &JobFiles, name: &str) -> Result<Option<Response>, Problem> {
+    let path = files.partial_recording();
+    let Some(file) = found(File::open(&path).await)? else { return Ok(None) };
+    let snapshot = match tokio::task::spawn_blocking(move || recording::snapshot(&path)).await.map_err(internal)? {
+        Ok(snapshot) => snapshot,
+        Err(RecordingError::Damaged { .. }) => return Ok(None),
+        Err(RecordingError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(internal(error)),
+    };
+    let length = snapshot.length();
+    let body = ReaderStream::new(file.take(snapshot.prefix).chain(io::Cursor::new(snapshot.tail)));
+    let headers = [
+        (header::CONTENT_TYPE, "application/octet-stream".to_owned()),
+        (header::CONTENT_LENGTH, length.to_string()),
+        (header::CONTENT_DISPOSITION, format!("attachment; filename=\"{name}\"")),
+        // The next look finds more frames.
+        (header::ACCEPT_RANGES, "none".to_owned()),
+        (header::CACHE_CONTROL, "no-store".to_owned()),
+    ];
+    Ok(Some((headers, Body::from_stream(body)).into_response()))
+}
+
+/// A picture of the last frame (PNG), once the job has ended.
+#[utoipa::path(get, path = "/v1/jobs/{id}/thumbnail.png", tag = "outputs",
+    params(
+        ("id" = Uuid, Path),
+        ("If-None-Match" = Option<String>, Header, description = "`ETag` of an earlier answer"),
+    ),
+    responses(
+        (status = 200, content_type = "image/png", body = dto::Bytes, headers(("ETag" = String))),
+        (status = 206, content_type = "image/png", body = dto::Bytes),
+        (status = 304, description = "The picture is as it was"),
+        (status = 404, body = dto::Problem, content_type = PROBLEM, description = "`job_not_found`, `output_not_found`"),
+        (status = 416, body = dto::Problem, content_type = PROBLEM, description = "`range_not_satisfiable`"),
+    ))]
+pub async fn thumbnail(
+    State(api): State<Api>,
+    JobId(id): JobId,
+    method: Method,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let (files, status) = find(&api, id).await?;
+    let file = FileAnswer { path: &files.thumbnail(), content_type: "image/png", download: None };
+    file.send(&method, &headers).await?.ok_or_else(|| missing("thumbnail", status))
+}
+
+/// Energies, momenta, mass and time steps, one row a frame; with `per=step` how the implicit integrator fared, one row a step (none for an
+/// explicit run). Those of a running job so far.
+#[utoipa::path(get, path = "/v1/jobs/{id}/diagnostics", tag = "outputs",
+    params(("id" = Uuid, Path), DiagnosticsQuery),
+    responses(
+        (status = 200, content(
+            (Diagnostics = "application/json"),
+            (String = "text/csv"),
+        )),
+        (status = 404, body = dto::Problem, content_type = PROBLEM, description = "`job_not_found`, `output_not_found`"),
+    ))]
+pub async fn diagnostics(
+    State(api): State<Api>,
+    JobId(id): JobId,
+    Query(query): Query<DiagnosticsQuery>,
+) -> Result<Response, Problem> {
+    let (files, status) = find(&api, id).await?;
+    let path = match query.per {
+        DiagnosticsPer::Frame => files.diagnostics(),
+        DiagnosticsPer::Step => files.solver(),
+    };
+    let csv = found(tokio::fs::read_to_string(path).await)?;
+    let mut csv = csv.ok_or_else(|| missing("diagnostics", status))?;
+    // A line that is still being written is not a row yet.
+    csv.truncate(csv.rfind('\n').map_or(0, |end| end + 1));
+    Ok(match query.format {
+        DiagnosticsFormat::Csv => ([(header::CONTENT_TYPE, "text/csv; charset=utf-8")], csv).into_response(),
+        DiagnosticsFormat::Json => Json(Diagnostics { rows: rows(&csv) }).into_response(),
+    })
+}
+
+/// CSV of numbers and flags to JSON. What is neither a flag nor a finite number is null.
+fn rows(csv: &str) -> Vec<serde_json::Value> {
+    let mut lines = csv.lines();
+    let columns: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
+    lines
+        .map(|line| {
+            let cells = line.split(',').map(|cell| serde_json::from_str(cell).unwrap_or(serde_json::Value::Null));
+            columns.iter().map(|column| column.to_string()).zip(cells).collect::<serde_json::Map<_, _>>().into()
+        })
+        .collect()
+}
+
+/// The files of a job that has started.
+async fn find(api: &Api, id: Uuid) -> Result<(JobFiles, Status), Problem> {
+    let job = api.store.get(id).await?.ok_or_else(|| Problem::job_not_found(id))?;
+    if job.status == Status::Queued {
+        return Err(missing("output", job.status));
+    }
+    Ok((api.data.job(id), job.status))
+}
+
+fn missing(what: &str, status: Status) -> Problem {
+    let why = match status {
+        Status::Queued => "the job waits in the queue",
+        Status::Running => "the job has not come that far",
+        Status::Succeeded | Status::Failed | Status::Canceled => "the job ended before there was one",
+    };
+    Problem::new(Code::OutputNotFound, format!("there is no {what}: {why}"))
+}
+
+fn found<T>(result: io::Result<T>) -> io::Result<Option<T>> {
+    match result {
+        Ok(value) => Ok(Some(value)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+/// A file as the answer to a `GET` or `HEAD`.
+pub(super) struct FileAnswer<'a> {
+    pub path: &'a Path,
+    pub content_type: &'static str,
+    /// Name under which browsers save it.
+    pub download: Option<&'a str>,
+}
+
+impl FileAnswer<'_> {
+    /// None when there is no such file.
+    pub async fn send(&self, method: &Method, request: &HeaderMap) -> Result<Option<Response>, Problem> {
+        let Some(mut file) = found(File::open(self.path).await)? else { return Ok(None) };
+        let metadata = file.metadata().await?;
+        let length = metadata.len();
+        let modified_ns = metadata.modified()?.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos());
+        let tag = format!("\"{length:x}-{modified_ns:x}\"");
+        if entity_tag_matches(request.get(header::IF_NONE_MATCH), &tag) {
+            return Ok(Some(not_modified(&tag)));
+        }
+        // A range of another version of the file would not fit what the client has; ranges are for GET alone.
+        let same_version = request.get(header::IF_RANGE).is_none_or(|given| given.as_bytes() == tag.as_bytes());
+        let range = request.get(header::RANGE).filter(|_| same_version && method == Method::GET);
+        let (status, part) = match select(range, length) {
+            Selection::Whole => (StatusCode::OK, 0..length),
+            Selection::Part(part) => (StatusCode::PARTIAL_CONTENT, part),
+            Selection::Unsatisfiable => {
+                let problem = Problem::new(Code::RangeNotSatisfiable, format!("the file has {length} bytes"));
+                return Err(problem.with_header(header::CONTENT_RANGE, ascii(format!("bytes */{length}"))));
+            }
+        };
+        file.seek(SeekFrom::Start(part.start)).await?;
+        let n = part.end - part.start;
+        let body = Body::from_stream(ReaderStream::with_capacity(file.take(n), 64 << 10));
+        let mut response = (status, body).into_response();
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(self.content_type));
+        headers.insert(header::CONTENT_LENGTH, n.into());
+        headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
+        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
+        headers.insert(header::ETAG, ascii(tag));
+        if status == StatusCode::PARTIAL_CONTENT {
+            headers.insert(header::CONTENT_RANGE, ascii(format!("bytes {}-{}/{length}", part.start, part.end - 1)));
+        }
+        if let Some(name) = self.download {
+            headers.insert(header::CONTENT_DISPOSITION, ascii(format!("attachment; filename=\"{name}\"")));
+        }
+        Ok(Some(response))
+    }
+}
+
+fn ascii(text: String) -> HeaderValue {
+    HeaderValue::try_from(text).expect("digits, letters and quotes are fit for a header")
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn rows_keep_whole_numbers_and_turn_what_is_no_number_into_null() {
+        let csv = "frame,time_s,min_J\n0,0.0,inf\n18446744073709551615,0.5,-1e-9\n";
+        assert_eq!(
+            rows(csv),
+            [
+                json!({"frame": 0, "time_s": 0.0, "min_J": null}),
+                json!({"frame": u64::MAX, "time_s": 0.5, "min_J": -1e-9}),
+            ]
+        );
+        assert!(rows("").is_empty());
+    }
+}

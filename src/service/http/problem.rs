@@ -1,0 +1,149 @@
+//! Every error of the API as RFC 9457 `application/problem+json`.
+
+use axum::Json;
+use axum::http::{HeaderName, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::dto;
+use crate::store::StoreError;
+use gridfall_scene::Fault;
+
+/// Declares the codes once: name, status and title.
+macro_rules! codes {
+    ($($(#[doc = $doc:literal])* $name:ident $status:ident $title:literal,)+) => {
+        /// What went wrong, for programs. Codes are stable; new ones may come.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
+        #[serde(rename_all = "snake_case")]
+        pub enum Code {
+            $($(#[doc = $doc])* $name,)+
+        }
+
+        impl Code {
+            pub fn status(self) -> StatusCode {
+                match self { $(Self::$name => StatusCode::$status,)+ }
+            }
+
+            fn title(self) -> &'static str {
+                match self { $(Self::$name => $title,)+ }
+            }
+        }
+    };
+}
+
+codes! {
+    InvalidJson BAD_REQUEST "The body is not JSON",
+    InvalidBody BAD_REQUEST "The body could not be read",
+    InvalidPath BAD_REQUEST "The path has a part of the wrong form",
+    InvalidQuery BAD_REQUEST "A query parameter is unknown or out of range",
+    InvalidHeader BAD_REQUEST "A header is out of form",
+    RouteNotFound NOT_FOUND "There is nothing at this path",
+    JobNotFound NOT_FOUND "There is no such job",
+    AssetNotFound NOT_FOUND "There is no such asset",
+    OutputNotFound NOT_FOUND "The job has no such output yet",
+    MethodNotAllowed METHOD_NOT_ALLOWED "The path has no such method",
+    RequestTimeout REQUEST_TIMEOUT "The request did not arrive in time",
+    JobNotFinished CONFLICT "The job has not ended",
+    BodyTooLarge PAYLOAD_TOO_LARGE "The body is too large",
+    UnsupportedMediaType UNSUPPORTED_MEDIA_TYPE "The body is not declared as JSON",
+    RangeNotSatisfiable RANGE_NOT_SATISFIABLE "The range lies outside the file",
+    InvalidRequest UNPROCESSABLE_ENTITY "The body has not the form of a request",
+    InvalidAsset UNPROCESSABLE_ENTITY "The upload is nothing that scenes can use",
+    InvalidScene UNPROCESSABLE_ENTITY "The scene has faults",
+    IdempotencyKeyReused UNPROCESSABLE_ENTITY "The idempotency key belongs to another request",
+    QueueFull TOO_MANY_REQUESTS "The queue is full",
+    Internal INTERNAL_SERVER_ERROR "The server failed",
+    Overloaded SERVICE_UNAVAILABLE "The server is too busy",
+    NotReady SERVICE_UNAVAILABLE "The server is not ready",
+}
+
+/// An error on its way to the client.
+#[derive(Debug)]
+pub struct Problem {
+    code: Code,
+    detail: String,
+    faults: Vec<Fault>,
+    checks: Vec<dto::Check>,
+    header: Option<(HeaderName, HeaderValue)>,
+}
+
+impl Problem {
+    pub fn new(code: Code, detail: impl Into<String>) -> Self {
+        Self { code, detail: detail.into(), faults: Vec::new(), checks: Vec::new(), header: None }
+    }
+
+    /// All faults of a scene that a request had in its member `scene`.
+    pub fn invalid_scene(faults: Vec<Fault>) -> Self {
+        let n = faults.len();
+        let faults =
+            faults.into_iter().map(|fault| Fault { pointer: format!("/scene{}", fault.pointer), ..fault }).collect();
+        let detail = format!("the scene has {n} {}", if n == 1 { "fault" } else { "faults" });
+        Self { faults, ..Self::new(Code::InvalidScene, detail) }
+    }
+
+    pub fn not_ready(checks: Vec<dto::Check>) -> Self {
+        let reasons: Vec<String> =
+            checks.iter().filter(|check| !check.ok).map(|check| format!("{}: {}", check.name, check.detail)).collect();
+        Self { checks, ..Self::new(Code::NotReady, reasons.join("; ")) }
+    }
+
+    pub fn job_not_found(id: uuid::Uuid) -> Self {
+        Self::new(Code::JobNotFound, format!("there is no job {id}; it may have been deleted"))
+    }
+
+    pub fn retry_after(self, seconds: u32) -> Self {
+        self.with_header(header::RETRY_AFTER, seconds.into())
+    }
+
+    pub fn with_header(self, name: HeaderName, value: HeaderValue) -> Self {
+        Self { header: Some((name, value)), ..self }
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let status = self.code.status();
+        let body = dto::Problem {
+            kind: format!("urn:gridfall:problem:{}", self.code.as_str()),
+            title: self.code.title(),
+            status: status.as_u16(),
+            code: self.code,
+            detail: self.detail,
+            faults: self.faults.into_iter().map(Into::into).collect(),
+            checks: self.checks,
+        };
+        let mut response = (status, Json(body)).into_response();
+        response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
+        response.headers_mut().extend(self.header);
+        response
+    }
+}
+
+impl Code {
+    /// The code as it appears in JSON.
+    fn as_str(self) -> String {
+        match serde_json::to_value(self) {
+            Ok(serde_json::Value::String(name)) => name,
+            _ => unreachable!("a unit variant serialises as its name"),
+        }
+    }
+}
+
+/// Failures that are not the client's: logged in full, told in short.
+impl From<StoreError> for Problem {
+    fn from(error: StoreError) -> Self {
+        internal(error)
+    }
+}
+
+impl From<std::io::Error> for Problem {
+    fn from(error: std::io::Error) -> Self {
+        internal(error)
+    }
+}
+
+pub fn internal(error: impl std::fmt::Display) -> Problem {
+    tracing::error!(%error, "a request failed");
+    Problem::new(Code::Internal, "the server's log has the details")
+}

@@ -1,0 +1,63 @@
+//! Scenes: are they valid, what do they cost, and what may be in them?
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::header;
+use axum::response::IntoResponse;
+use tokio::sync::OwnedSemaphorePermit;
+use tokio::time::timeout;
+
+use super::dto::{self, SubmitJob, ValidScene};
+use super::extract::JsonBody;
+use super::openapi::PROBLEM;
+use super::problem::{Code, Problem, internal};
+use super::state::Api;
+use crate::jobs::admission::{Admitted, admit};
+use gridfall_scene as scene;
+
+/// Judges a scene without running it: what it costs, or all its faults. Takes the body of a submission.
+#[utoipa::path(post, path = "/v1/scenes:validate", tag = "scenes", request_body = SubmitJob,
+    responses(
+        (status = 200, body = ValidScene),
+        (status = 422, body = dto::Problem, content_type = PROBLEM,
+            description = "`invalid_scene` with all its `faults`, `invalid_request`"),
+    ))]
+pub async fn validate(
+    State(api): State<Api>,
+    JsonBody(request): JsonBody<SubmitJob>,
+) -> Result<Json<ValidScene>, Problem> {
+    let estimate = judge(&api, request, |admitted| scene::estimate::estimate(&admitted.problem)).await?;
+    Ok(Json(ValidScene { valid: true, estimate: estimate.into() }))
+}
+
+/// Waits for the right to judge something: a bounded number at a time.
+pub async fn permit(api: &Api) -> Result<OwnedSemaphorePermit, Problem> {
+    match timeout(api.config.validation_wait, api.validations.clone().acquire_owned()).await {
+        Ok(permit) => permit.map_err(internal),
+        Err(_) => Err(Problem::new(Code::Overloaded, "too many scenes wait to be judged").retry_after(10)),
+    }
+}
+
+/// Judges the scene of a request beside the runtime, a bounded number at a time, and passes what can run to `with`.
+pub async fn judge<T: Send + 'static>(
+    api: &Api,
+    request: SubmitJob,
+    with: impl FnOnce(Admitted) -> T + Send + 'static,
+) -> Result<T, Problem> {
+    let permit = permit(api).await?;
+    let (limits, assets) = (api.config.limits, api.data.assets());
+    let judged = tokio::task::spawn_blocking(move || {
+        // Held here, not by the request: a client that goes away does not make the work cheaper.
+        let _permit = permit;
+        let overrides: Vec<String> = request.overrides.iter().map(|(path, value)| format!("{path}={value}")).collect();
+        admit(request.scene, &overrides, &limits, &assets).map(with)
+    });
+    judged.await.map_err(internal)?.map_err(Problem::invalid_scene)
+}
+
+/// The JSON Schema of scenes.
+#[utoipa::path(get, path = "/v1/schema/scene", tag = "scenes",
+    responses((status = 200, body = Object, content_type = "application/schema+json")))]
+pub async fn schema() -> impl IntoResponse {
+    ([(header::CONTENT_TYPE, "application/schema+json")], scene::schema::json_schema())
+}

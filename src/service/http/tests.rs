@@ -1,0 +1,123 @@
+//! The bounds on what clients may ask: each is tested to bind, on the real router.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use axum::body::{Body, to_bytes};
+use axum::http::{Request, header};
+use serde_json::{Value, json};
+use tokio_util::io::ReaderStream;
+use tower::ServiceExt;
+
+use super::{Api, Config, router};
+use crate::jobs;
+use crate::store::{DataDir, JobStore};
+
+/// The API over a fresh store; no worker takes jobs.
+async fn api(config: Config) -> (tempfile::TempDir, Api) {
+    let dir = tempfile::tempdir().unwrap();
+    let data = Arc::new(DataDir::open(dir.path()).unwrap());
+    let store = JobStore::open(&data.database()).await.unwrap();
+    (dir, Api::new(store, data, Arc::new(jobs::Shared::default()), config))
+}
+
+/// Status, `Retry-After` and body.
+async fn post(app: &Router, path: &str, body: Body) -> (u16, Option<String>, Value) {
+    let request = Request::post(path).header(header::CONTENT_TYPE, "application/json").body(body).unwrap();
+    let response = app.clone().oneshot(request).await.unwrap();
+    let retry_after = response.headers().get(header::RETRY_AFTER).map(|value| value.to_str().unwrap().to_owned());
+    let status = response.status().as_u16();
+    let bytes = to_bytes(response.into_body(), 1 << 20).await.unwrap();
+    (status, retry_after, serde_json::from_slice(&bytes).unwrap())
+}
+
+/// The body of a submission.
+fn request() -> Body {
+    let scene: Value = serde_json::from_str(include_str!("../../../scenes/quickstart.json")).unwrap();
+    json!({ "scene": scene }).to_string().into()
+}
+
+#[tokio::test]
+async fn the_queue_has_an_end() {
+    let (_dir, api) = api(Config { max_queued: 2, ..Config::default() }).await;
+    let app = router(api);
+    let submit = || post(&app, "/v1/jobs", request());
+    assert_eq!((submit().await.0, submit().await.0), (202, 202));
+    let (status, retry_after, body) = submit().await;
+    assert_eq!((status, &body["code"]), (429, &json!("queue_full")));
+    assert!(retry_after.is_some());
+}
+
+#[tokio::test]
+async fn a_body_that_does_not_come_is_not_waited_for() {
+    let (_dir, api) = api(Config { body_timeout: Duration::from_millis(50), ..Config::default() }).await;
+    let (never, _held) = tokio::io::duplex(64);
+    let (status, _, body) = post(&router(api), "/v1/jobs", Body::from_stream(ReaderStream::new(never))).await;
+    assert_eq!((status, &body["code"]), (408, &json!("request_timeout")));
+}
+
+#[tokio::test]
+async fn a_body_without_end_is_cut_off() {
+    let (_dir, api) = api(Config { max_body_bytes: 100, ..Config::default() }).await;
+    let endless = Body::from_stream(ReaderStream::new(tokio::io::repeat(b' ')));
+    let (status, _, body) = post(&router(api), "/v1/jobs", endless).await;
+    assert_eq!((status, &body["code"]), (413, &json!("body_too_large")));
+}
+
+#[tokio::test]
+async fn scenes_are_judged_a_bounded_number_at_a_time() {
+    let config = Config { max_validations: 1, validation_wait: Duration::from_millis(50), ..Config::default() };
+    let (_dir, api) = api(config).await;
+    let held = api.validations.clone().acquire_owned().await.unwrap();
+    let app = router(api);
+    let (status, retry_after, body) = post(&app, "/v1/scenes:validate", request()).await;
+    assert_eq!((status, &body["code"]), (503, &json!("overloaded")));
+    assert!(retry_after.is_some());
+    drop(held);
+    assert_eq!(post(&app, "/v1/scenes:validate", request()).await.0, 200);
+}
+
+#[tokio::test]
+async fn a_request_that_takes_too_long_is_given_up() {
+    let config = Config {
+        max_validations: 1,
+        handler_timeout: Duration::from_millis(50),
+        validation_wait: Duration::from_secs(3600),
+        ..Config::default()
+    };
+    let (_dir, api) = api(config).await;
+    let _held = api.validations.clone().acquire_owned().await.unwrap();
+    let (status, retry_after, body) = post(&router(api), "/v1/scenes:validate", request()).await;
+    assert_eq!((status, &body["code"]), (503, &json!("overloaded")));
+    assert!(retry_after.is_some());
+}
+
+#[tokio::test]
+async fn readiness_says_what_is_missing() {
+    let (_dir, api) = api(Config::default()).await;
+    let store = api.store.clone();
+    let app = router(api);
+    let ready = || get_json(app.clone(), "/readyz");
+    let failing = |body: &Value| -> Vec<String> {
+        let checks = body["checks"].as_array().unwrap();
+        let failing = checks.iter().filter(|check| check["ok"] == false);
+        failing.map(|check| check["name"].as_str().unwrap().to_owned()).collect()
+    };
+    let (status, body) = ready().await;
+    assert_eq!((status, &body["code"], failing(&body)), (503, &json!("not_ready"), vec!["device".to_owned()]));
+    store.close().await;
+    let (status, body) = ready().await;
+    assert_eq!((status, failing(&body)), (503, vec!["store".to_owned(), "device".to_owned()]));
+    let (status, body) = get_json(app.clone(), "/livez").await;
+    assert_eq!((status, &body["status"]), (200, &json!("live")), "liveness touches nothing");
+    let (status, body) = get_json(app, "/v1/jobs").await;
+    assert_eq!((status, &body["code"]), (500, &json!("internal")));
+}
+
+async fn get_json(app: Router, path: &str) -> (u16, Value) {
+    let response = app.oneshot(Request::get(path).body(Body::empty()).unwrap()).await.unwrap();
+    let status = response.status().as_u16();
+    let bytes = to_bytes(response.into_body(), 1 << 20).await.unwrap();
+    (status, serde_json::from_slice(&bytes).unwrap())
+}

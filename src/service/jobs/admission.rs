@@ -1,0 +1,32 @@
+//! From what a client sends to a problem that can run, or all its faults at once.
+
+use serde_json::Value;
+
+use gridfall_core::sim::problem::Problem;
+use gridfall_scene::assets::Assets;
+use gridfall_scene::{self as scene, Fault, Limits, Scene, overrides};
+
+/// A scene found valid.
+pub struct Admitted {
+    /// The document with overrides applied.
+    pub document: String,
+    pub scene: Scene,
+    pub problem: Problem,
+}
+
+/// Applies `overrides` (each `path=value`) to a scene document and judges the result.
+pub fn admit(
+    mut document: Value,
+    overrides: &[String],
+    limits: &Limits,
+    assets: &dyn Assets,
+) -> Result<Admitted, Vec<Fault>> {
+    let faults: Vec<Fault> =
+        overrides.iter().filter_map(|assignment| overrides::apply(&mut document, assignment).err()).collect();
+    if !faults.is_empty() {
+        return Err(faults);
+    }
+    let scene = scene::from_value(&document)?;
+    let problem = scene::problem_with(&scene, limits, assets)?;
+    Ok(Admitted { document: document.to_string(), scene, problem })
+}

@@ -1,0 +1,124 @@
+//! Running jobs: admission of scenes, and the worker that takes them from the store to the end.
+
+pub mod admission;
+mod attempt;
+mod worker;
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use prometheus_client::encoding::{EncodeLabelSet, EncodeLabelValue, LabelValueEncoder};
+use prometheus_client::metrics::counter::Counter;
+use prometheus_client::metrics::family::Family;
+use tokio::sync::Notify;
+
+pub use attempt::panic_message;
+pub use worker::Worker;
+
+use crate::store::Status;
+use gridfall_core::sim::problem::Problem;
+use gridfall_engine::choice::Devices;
+use gridfall_engine::{Engine, EngineError};
+
+/// Where a worker gets its engines from. Made and used on the worker's own thread.
+pub trait EngineSource {
+    /// Loads a problem on the device that suits it.
+    fn engine(&self, problem: &Problem) -> Result<Box<dyn Engine>, EngineError>;
+
+    /// What is open, and why, for people.
+    fn describe(&self) -> String;
+}
+
+impl EngineSource for Devices {
+    fn engine(&self, problem: &Problem) -> Result<Box<dyn Engine>, EngineError> {
+        Devices::engine(self, problem)
+    }
+
+    fn describe(&self) -> String {
+        match self.gpu() {
+            Some(gpu) => format!("{}: {}", gpu.backend(self.reason()).device, self.reason()),
+            None => format!("the CPU: {}", self.reason()),
+        }
+    }
+}
+
+/// Opens the devices; called again after one was lost.
+pub type OpenDevices = Box<dyn Fn() -> Result<Box<dyn EngineSource>, EngineError> + Send>;
+
+/// What the worker is doing about its devices.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DeviceState {
+    Opening,
+    /// What is open, and why.
+    Ready(String),
+    /// No device could be opened, and why; it is tried again.
+    Unusable(String),
+    /// The worker has ended.
+    Stopped,
+}
+
+/// What the worker and the rest of the server tell each other.
+#[derive(Debug)]
+pub struct Shared {
+    wake: Notify,
+    stop: AtomicBool,
+    device: Mutex<DeviceState>,
+    pub counters: Counters,
+}
+
+impl Default for Shared {
+    fn default() -> Self {
+        Self {
+            wake: Notify::new(),
+            stop: AtomicBool::new(false),
+            device: Mutex::new(DeviceState::Opening),
+            counters: Counters::default(),
+        }
+    }
+}
+
+impl Shared {
+    /// Says that there may be a new job.
+    pub fn wake(&self) {
+        self.wake.notify_one();
+    }
+
+    /// Asks the worker to put its job back and to end.
+    pub fn stop(&self) {
+        self.stop.store(true, Ordering::Relaxed);
+        self.wake.notify_one();
+    }
+
+    pub fn device(&self) -> DeviceState {
+        self.device.lock().expect("no code panics while it holds this lock").clone()
+    }
+
+    fn stopping(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    fn set_device(&self, state: DeviceState) {
+        *self.device.lock().expect("no code panics while it holds this lock") = state;
+    }
+}
+
+/// Work done since the server started.
+#[derive(Clone, Debug, Default)]
+pub struct Counters {
+    /// Jobs by the terminal state that the worker brought them to.
+    pub finished: Family<StatusLabel, Counter>,
+    pub frames: Counter,
+    pub steps: Counter,
+    pub particle_steps: Counter,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+pub struct StatusLabel {
+    pub status: Status,
+}
+
+impl EncodeLabelValue for Status {
+    fn encode(&self, encoder: &mut LabelValueEncoder) -> std::fmt::Result {
+        EncodeLabelValue::encode(&self.as_str(), encoder)
+    }
+}

@@ -1,0 +1,209 @@
+//! The worker: one thread that owns the devices and takes one job after the other.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use tokio::runtime::Handle;
+use tokio::time::timeout;
+use uuid::Uuid;
+
+use super::attempt::{self, Ending};
+use super::{DeviceState, EngineSource, OpenDevices, Shared, StatusLabel};
+use crate::store::{Claim, DataDir, JobFiles, JobStore, Outcome, Status, StoreError};
+use gridfall_recording as recording;
+use gridfall_scene::Limits;
+
+/// How long to wait before a failed device or store is tried again.
+const RETRY: Duration = Duration::from_secs(2);
+
+/// A running worker.
+#[derive(Debug)]
+pub struct Worker {
+    shared: Arc<Shared>,
+    thread: JoinHandle<()>,
+}
+
+impl Worker {
+    /// Settles what the last server left behind, then starts taking jobs. Call inside a tokio runtime.
+    pub async fn start(
+        store: JobStore,
+        data: Arc<DataDir>,
+        limits: Limits,
+        open: OpenDevices,
+    ) -> Result<Self, StoreError> {
+        recover(&store, &data).await?;
+        let shared = Arc::new(Shared::default());
+        let context = Context { store, data, limits, shared: shared.clone(), runtime: Handle::current() };
+        let thread = std::thread::Builder::new()
+            .name("worker".into())
+            .spawn(move || context.work(open))
+            .expect("the system has room for one more thread");
+        Ok(Self { shared, thread })
+    }
+
+    pub fn shared(&self) -> Arc<Shared> {
+        self.shared.clone()
+    }
+
+    /// Has the running job put back and waits for the worker to end, at most `patience`.
+    pub async fn stop(self, patience: Duration) {
+        self.shared.stop();
+        let ended = tokio::task::spawn_blocking(move || self.thread.join());
+        match timeout(patience, ended).await {
+            Ok(Ok(Ok(()))) => {}
+            Ok(_) => tracing::error!("the worker panicked"),
+            Err(_) => tracing::warn!("the worker did not stop in time; its job counts as interrupted by a crash"),
+        }
+    }
+}
+
+/// Deals with the jobs that were running when the last server died, and with files that belong to no job.
+async fn recover(store: &JobStore, data: &DataDir) -> Result<(), StoreError> {
+    for job in store.recover().await? {
+        tracing::warn!(job = %job.id, status = %job.status, "found running after a crash");
+        let files = data.job(job.id);
+        if job.status.is_terminal() {
+            keep_partial_recording(&files);
+        } else {
+            remove(&files, job.id);
+        }
+    }
+    if let Err(error) = data.sweep(&store.ids().await?) {
+        tracing::warn!(%error, "cannot remove the files of deleted jobs");
+    }
+    Ok(())
+}
+
+/// Makes what a canceled or failed attempt recorded a complete file.
+fn keep_partial_recording(files: &JobFiles) {
+    let partial = files.partial_recording();
+    if partial.exists()
+        && let Err(error) = recording::recover(&partial, &files.recording())
+    {
+        tracing::warn!(path = %partial.display(), %error, "cannot recover a partial recording");
+    }
+}
+
+/// Removes what an attempt leaves that will be made again.
+fn remove(files: &JobFiles, id: Uuid) {
+    if let Err(error) = files.remove() {
+        tracing::warn!(job = %id, %error, "cannot remove an interrupted attempt's files");
+    }
+}
+
+/// All that the worker's thread needs.
+pub(super) struct Context {
+    pub store: JobStore,
+    pub data: Arc<DataDir>,
+    pub limits: Limits,
+    pub shared: Arc<Shared>,
+    pub runtime: Handle,
+}
+
+impl Context {
+    fn work(self, open: OpenDevices) {
+        let mut devices: Option<Box<dyn EngineSource>> = None;
+        while !self.shared.stopping() {
+            let Some(source) = &devices else {
+                devices = self.open_devices(&open);
+                continue;
+            };
+            match self.runtime.block_on(self.store.claim()) {
+                Ok(Some(claim)) => {
+                    if self.run(&claim, source.as_ref()) == Afterwards::ReopenDevices {
+                        devices = None;
+                    }
+                }
+                Ok(None) => self.runtime.block_on(self.shared.wake.notified()),
+                Err(error) => {
+                    tracing::error!(%error, "cannot claim a job");
+                    self.pause();
+                }
+            }
+        }
+        self.shared.set_device(DeviceState::Stopped);
+    }
+
+    fn open_devices(&self, open: &OpenDevices) -> Option<Box<dyn EngineSource>> {
+        self.shared.set_device(DeviceState::Opening);
+        let reason = match catch_unwind(AssertUnwindSafe(open)) {
+            Ok(Ok(source)) => {
+                self.shared.set_device(DeviceState::Ready(source.describe()));
+                return Some(source);
+            }
+            Ok(Err(error)) => error.to_string(),
+            Err(panic) => attempt::panic_message(panic.as_ref()),
+        };
+        tracing::error!(reason, "no device can be opened; jobs wait");
+        self.shared.set_device(DeviceState::Unusable(reason));
+        self.pause();
+        None
+    }
+
+    /// Runs a claimed job and notes how that ended.
+    fn run(&self, claim: &Claim, source: &dyn EngineSource) -> Afterwards {
+        tracing::info!(job = %claim.id, attempt = claim.attempt, "started");
+        let files = self.data.job(claim.id);
+        let ending = attempt::run(self, claim, &files, source);
+        if matches!(&ending, Ending::Finished { .. }) {
+            keep_partial_recording(&files);
+        }
+        let status = self.note(claim, &ending);
+        tracing::info!(job = %claim.id, attempt = claim.attempt, ?ending, "ended");
+        match status {
+            Some(status) if status.is_terminal() => {
+                self.shared.counters.finished.get_or_create(&StatusLabel { status }).inc();
+            }
+            _ => remove(&files, claim.id),
+        }
+        match ending {
+            Ending::Lost(_) | Ending::Finished { devices_suspect: true, .. } => Afterwards::ReopenDevices,
+            _ => Afterwards::GoOn,
+        }
+    }
+
+    /// Writes an attempt's ending to the store, for as long as that takes: a job must not stay `running`.
+    fn note(&self, claim: &Claim, ending: &Ending) -> Option<Status> {
+        let Claim { id, attempt, .. } = *claim;
+        loop {
+            let noted = self.runtime.block_on(async {
+                match ending {
+                    Ending::Finished { outcome, .. } => self.store.finish(id, attempt, outcome).await.map(|mine| {
+                        mine.then_some(match outcome {
+                            Outcome::Succeeded => Status::Succeeded,
+                            Outcome::Failed(_) => Status::Failed,
+                            Outcome::Canceled => Status::Canceled,
+                        })
+                    }),
+                    Ending::Lost(failure) => self.store.lose(id, attempt, failure).await,
+                    Ending::Stopped => self.store.put_back(id, attempt).await,
+                }
+            });
+            match noted {
+                Ok(status) => return status,
+                Err(error) => tracing::error!(job = %id, %error, "cannot note how a job ended"),
+            }
+            if self.shared.stopping() {
+                return None;
+            }
+            self.pause();
+        }
+    }
+
+    /// Waits before something is tried again, or until the server stops.
+    fn pause(&self) {
+        let until = std::time::Instant::now() + RETRY;
+        while !self.shared.stopping() && std::time::Instant::now() < until {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+}
+
+/// What an attempt leaves to do.
+#[derive(PartialEq, Eq)]
+enum Afterwards {
+    GoOn,
+    ReopenDevices,
+}

@@ -1,0 +1,100 @@
+//! Uploads: files in the data directory, named by the SHA-256 of their bytes.
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+use uuid::Uuid;
+
+use gridfall_scene::assets::{Assets, Refusal, Source};
+
+/// One upload.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Asset {
+    /// `sha256:` and 64 hexadecimal digits.
+    pub id: String,
+    pub bytes: u64,
+    /// `stl`, `obj`, …
+    pub kind: String,
+}
+
+/// The folder of uploads.
+#[derive(Clone, Debug)]
+pub struct AssetFiles {
+    dir: PathBuf,
+}
+
+impl AssetFiles {
+    /// Creates the folder if need be and removes what a crash left unfinished.
+    pub(super) fn open(dir: PathBuf) -> io::Result<Self> {
+        fs::create_dir_all(&dir)?;
+        for entry in fs::read_dir(&dir)? {
+            let path = entry?.path();
+            if path.extension().is_some_and(|extension| extension == "partial") {
+                fs::remove_file(path)?;
+            }
+        }
+        Ok(Self { dir })
+    }
+
+    /// Keeps the bytes; false when they were there already.
+    pub fn put(&self, bytes: &[u8], kind: &str) -> io::Result<(Asset, bool)> {
+        let hex: String = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        let asset = Asset { id: format!("sha256:{hex}"), bytes: bytes.len() as u64, kind: kind.to_owned() };
+        if self.find(&asset.id)?.is_some() {
+            return Ok((asset, false));
+        }
+        // Renamed when complete, so that no reader ever meets half a file.
+        let partial = self.dir.join(format!("{}.partial", Uuid::now_v7()));
+        let mut file = File::create(&partial)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        fs::rename(&partial, self.dir.join(format!("{hex}.{kind}")))?;
+        File::open(&self.dir)?.sync_all()?;
+        Ok((asset, true))
+    }
+
+    /// An upload and its file.
+    pub fn find(&self, id: &str) -> io::Result<Option<(Asset, PathBuf)>> {
+        for entry in fs::read_dir(&self.dir)? {
+            let path = entry?.path();
+            if let Some(asset) = asset(&path)?.filter(|asset| asset.id == id) {
+                return Ok(Some((asset, path)));
+            }
+        }
+        Ok(None)
+    }
+
+    /// All uploads, by id.
+    pub fn list(&self) -> io::Result<Vec<Asset>> {
+        let mut found = Vec::new();
+        for entry in fs::read_dir(&self.dir)? {
+            found.extend(asset(&entry?.path())?);
+        }
+        found.sort_by(|a, b| a.id.cmp(&b.id));
+        Ok(found)
+    }
+}
+
+/// The upload that a file is; none for other files.
+fn asset(path: &Path) -> io::Result<Option<Asset>> {
+    let part = |part: Option<&std::ffi::OsStr>| part.and_then(|p| p.to_str()).map(str::to_owned);
+    let (Some(hex), Some(kind)) = (part(path.file_stem()), part(path.extension())) else { return Ok(None) };
+    let named = hex.len() == 64 && hex.bytes().all(|b| b.is_ascii_hexdigit());
+    let bytes = if named { path.metadata()?.len() } else { 0 };
+    Ok(named.then(|| Asset { id: format!("sha256:{hex}"), bytes, kind }))
+}
+
+impl Assets for AssetFiles {
+    fn read(&self, source: Source) -> Result<Vec<u8>, Refusal> {
+        let Source::Asset(id) = source else { return Err(Refusal::no_files()) };
+        let unreadable = |error: io::Error| {
+            Refusal::new("asset_not_read", format!("the server cannot read the asset: {error}"), "try again later")
+        };
+        match self.find(id).map_err(unreadable)? {
+            Some((_, path)) => fs::read(path).map_err(unreadable),
+            None => Err(Refusal::unknown(id)),
+        }
+    }
+}

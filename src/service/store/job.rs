@@ -1,0 +1,124 @@
+//! A job as it is kept.
+
+use std::fmt;
+use std::str::FromStr;
+
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+use uuid::Uuid;
+
+use gridfall_engine::Backend;
+
+/// `queued → running → succeeded | failed | canceled`; a running job goes back to `queued` when its server stops.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    Queued,
+    Running,
+    Succeeded,
+    Failed,
+    Canceled,
+}
+
+impl Status {
+    pub const ALL: [Self; 5] = [Self::Queued, Self::Running, Self::Succeeded, Self::Failed, Self::Canceled];
+
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Queued => "queued",
+            Self::Running => "running",
+            Self::Succeeded => "succeeded",
+            Self::Failed => "failed",
+            Self::Canceled => "canceled",
+        }
+    }
+
+    /// True once nothing about the job will change any more.
+    pub fn is_terminal(self) -> bool {
+        !matches!(self, Self::Queued | Self::Running)
+    }
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+impl FromStr for Status {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::ALL.into_iter().find(|status| status.as_str() == text).ok_or_else(|| format!("unknown status {text:?}"))
+    }
+}
+
+/// Why a job failed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Failure {
+    /// Stable, for programs.
+    pub code: String,
+    /// For people.
+    pub message: String,
+}
+
+impl Failure {
+    pub fn new(code: impl Into<String>, message: impl Into<String>) -> Self {
+        Self { code: code.into(), message: message.into() }
+    }
+}
+
+/// How far an attempt has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Progress {
+    pub sim_time_s: f64,
+    pub step: u64,
+    pub frames_written: u64,
+    /// Wall time since the engine was loaded (s).
+    pub run_s: f64,
+}
+
+/// What a client wants done, already found valid.
+#[derive(Clone, Debug)]
+pub struct NewJob {
+    pub name: String,
+    /// The scene document with overrides applied.
+    pub scene: String,
+    pub particles: u64,
+    /// Frames to be written, frame 0 included.
+    pub frames: u64,
+    pub end_time_s: f64,
+    /// `explicit` or `implicit`, and why.
+    pub integrator: String,
+    pub integrator_reason: String,
+    /// Client's key against accepting one request twice.
+    pub idempotency_key: Option<String>,
+    /// Hash of the request, to tell a repetition from another request under the same key.
+    pub request_sha256: String,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Job {
+    /// Order of acceptance.
+    pub seq: i64,
+    pub id: Uuid,
+    pub name: String,
+    pub status: Status,
+    pub created_at: Timestamp,
+    pub started_at: Option<Timestamp>,
+    pub finished_at: Option<Timestamp>,
+    /// Counts claims by a worker.
+    pub attempt: i64,
+    pub cancel_requested: bool,
+    /// 1 for the job that runs next; `None` unless queued.
+    pub queue_position: Option<i64>,
+    pub particles: u64,
+    pub frames: u64,
+    pub end_time_s: f64,
+    /// `explicit` or `implicit`, and why.
+    pub integrator: String,
+    pub integrator_reason: String,
+    pub progress: Progress,
+    pub backend: Option<Backend>,
+    pub failure: Option<Failure>,
+}
