@@ -2,7 +2,7 @@
 
 use std::mem::offset_of;
 
-use gridfall_core::sim::problem::Kernel;
+use gridfall_core::sim::setup::Kernel;
 use gridfall_engine::gpu::implicit::linear::kernels::{self, Kernel as Linear};
 use gridfall_engine::gpu::implicit::linear::layout as linear;
 use gridfall_engine::gpu::implicit::{layout as implicit, shaders};

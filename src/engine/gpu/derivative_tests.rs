@@ -6,10 +6,10 @@ use rand::{SeedableRng, rngs::StdRng};
 use super::device::Gpu;
 use super::law_tests::{State, distance, gpu, random_matrix, random_states, run};
 use super::shaders::DERIVATIVES;
-use gridfall_core::material::{Law, initial_plastic_state, law_samples};
+use gridfall_core::material::{Law, initial_plastic_state, samples};
 use gridfall_core::maths::linalg::{Matrix, mul, mul_transpose};
 use gridfall_core::maths::svd::svd;
-use gridfall_core::sim::problem::Material;
+use gridfall_core::sim::setup::Material;
 
 /// ψ, P, and the derivative along one entry of F.
 const ENTRY: &str = "
@@ -86,7 +86,7 @@ fn differences(materials: &[Material], states: &[State], answers: &[Answer]) -> 
 const TOLERANCE: [f64; 3] = [3e-6, 3e-6, 5e-5];
 
 fn solids() -> Vec<Material> {
-    law_samples().into_iter().filter(|m| !m.is_fluid()).collect()
+    samples().into_iter().filter(|m| !m.is_fluid()).collect()
 }
 
 #[test]

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::shaders::{self, Stage};
 use crate::contract::{Backend, EngineError};
-use gridfall_core::sim::problem::{Kernel, Material, Problem, Transfer};
+use gridfall_core::sim::setup::{Kernel, Material, Setup, Transfer};
 
 /// Storage buffers of the one bind group that all stages share.
 pub const STORAGE_BUFFERS: u32 = 26;
@@ -90,14 +90,14 @@ pub struct Variant {
 }
 
 impl Variant {
-    pub fn of(problem: &Problem) -> Self {
+    pub fn of(setup: &Setup) -> Self {
         let closed_form = |m: &Material| {
             matches!(m, Material::FixedCorotated(_) | Material::NeoHookean(_) | Material::WeaklyCompressibleFluid(_))
         };
         Self {
-            kernel: problem.kernel,
-            mls: problem.transfer == Transfer::Mls,
-            principal: !problem.materials.iter().all(closed_form),
+            kernel: setup.kernel,
+            mls: setup.transfer == Transfer::Mls,
+            principal: !setup.materials.iter().all(closed_form),
         }
     }
 }

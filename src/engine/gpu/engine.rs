@@ -13,8 +13,8 @@ use super::upload::{self, Frame};
 use crate::contract::{Backend, Control, Engine, EngineError, FrameStats};
 use gridfall_core::sim::divergence::{Suspect, likely_cause};
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{Kernel, Precision, Problem, Transfer};
 use gridfall_core::sim::reaction::{self, Reaction};
+use gridfall_core::sim::setup::{Kernel, Precision, Setup, Transfer};
 use gridfall_core::sim::timestep::{self, Extremes};
 
 /// Fixed-point units of a full node's mass, and of its momentum at the velocity of scale: 2^27 leaves a factor of 4 up to the
@@ -29,7 +29,7 @@ const MAX_PLANS: u32 = 64;
 pub struct GpuEngine {
     gpu: Arc<Gpu>,
     pipelines: Arc<Pipelines>,
-    problem: Problem,
+    setup: Setup,
     frame: Frame,
     buffers: Buffers,
     params: Params,
@@ -58,17 +58,17 @@ struct Segment {
 }
 
 /// Whether the GPU engine can run a problem at all; the reason if not.
-pub fn supports(problem: &Problem) -> Result<(), String> {
-    if problem.dimension != 3 {
+pub fn supports(setup: &Setup) -> Result<(), String> {
+    if setup.dimension != 3 {
         return Err("the GPU engine is 3D only".into());
     }
-    if !matches!(problem.kernel, Kernel::Compact | Kernel::Quadratic) {
+    if !matches!(setup.kernel, Kernel::Compact | Kernel::Quadratic) {
         return Err("the GPU engine has the compact and the quadratic kernel".into());
     }
-    if problem.transfer == Transfer::Pic {
+    if setup.transfer == Transfer::Pic {
         return Err("the GPU engine has the transfers apic and mls".into());
     }
-    if problem.precision != Precision::F32 {
+    if setup.precision != Precision::F32 {
         return Err("the GPU engine is f32 only".into());
     }
     Ok(())
@@ -78,43 +78,43 @@ impl GpuEngine {
     /// Loads a problem at time 0. `reason` says why this device was chosen.
     ///
     /// Errors: unsupported scenes, capacity, a lost device.
-    pub fn new(gpu: Arc<Gpu>, problem: &Problem, reason: &str) -> Result<Self, EngineError> {
-        supports(problem).map_err(EngineError::Unsupported)?;
-        let frame = Frame::new(problem);
-        let data = frame.data(&problem.particles)?;
-        let (sdf_ops, sdf_samples, colliders) = upload::colliders(problem);
+    pub fn new(gpu: Arc<Gpu>, setup: &Setup, particles: Particles, reason: &str) -> Result<Self, EngineError> {
+        supports(setup).map_err(EngineError::Unsupported)?;
+        let mut frame = Frame::new(setup);
+        let extremes = timestep::initial_extremes(setup, &particles);
+        let data = frame.data(&particles)?;
+        let (sdf_ops, sdf_samples, colliders) = upload::colliders(setup);
         let sizes = Sizes {
-            particles: problem.total_particles(),
+            particles: setup.total_particles(),
             table: frame.table_len(),
             // Room to spread before the first growth.
             capacity: frame.active_blocks(&data.position) * 5 / 4 + 64,
-            grids: upload::grid_offsets(problem.kernel).len(),
+            grids: upload::grid_offsets(setup.kernel).len(),
             channels: frame.channels,
-            bodies: problem.bodies.len(),
-            materials: problem.materials.len(),
+            bodies: setup.bodies.len(),
+            materials: setup.materials.len(),
             sdf_ops: sdf_ops.len(),
             sdf_samples: sdf_samples.len(),
             colliders: colliders.len(),
         };
         let mut buffers = Buffers::new(&gpu, sizes)?;
-        buffers.put_states(&gpu, &data, &problem.particles.body);
+        buffers.put_states(&gpu, &data, &particles.body);
+        frame.body_of = particles.body;
         let write = |b: usize, bytes: &[u8]| gpu.queue.write_buffer(buffers.get(b), 0, bytes);
-        write(binding::BODIES, bytemuck::cast_slice(&upload::bodies(problem)));
-        write(binding::MATERIALS, bytemuck::cast_slice(&upload::materials(problem)));
+        write(binding::BODIES, bytemuck::cast_slice(&upload::bodies(setup)));
+        write(binding::MATERIALS, bytemuck::cast_slice(&upload::materials(setup)));
         write(binding::SDF_OPS, bytemuck::cast_slice(&sdf_ops));
         write(binding::SDF_SAMPLES, bytemuck::cast_slice(&sdf_samples));
         write(binding::COLLIDERS, bytemuck::cast_slice(&colliders));
-        let pipelines = gpu.pipelines(Variant::of(problem))?;
+        let pipelines = gpu.pipelines(Variant::of(setup))?;
         let backend = gpu.backend(reason);
-        let params = frame.params(problem);
-        let extremes = timestep::initial_extremes(problem);
-        let max_speed = extremes.speed_m_s + 3.0f64.sqrt() * problem.dx * extremes.affine_rate_1_s;
-        let problem = Problem { particles: Particles::default(), ..problem.clone() };
+        let params = frame.params(setup);
+        let max_speed = extremes.speed_m_s + 3.0f64.sqrt() * setup.dx * extremes.affine_rate_1_s;
         gpu.check()?;
         Ok(Self {
             gpu,
             pipelines,
-            problem,
+            setup: setup.clone(),
             frame,
             buffers,
             params,
@@ -168,7 +168,7 @@ impl GpuEngine {
     }
 
     fn set_scales(&mut self, dt_s: f64) {
-        let p = &self.problem;
+        let p = &self.setup;
         let densest = p.bodies.iter().map(|b| b.mass / b.volume0).fold(0.0, f64::max);
         let full = densest * p.dx.powi(3);
         let wave = timestep::max_wave_speed_m_s(p);
@@ -202,15 +202,15 @@ impl GpuEngine {
 
     /// Collider poses of the steps `first..first + count` of the segment.
     pub(super) fn write_poses(&mut self, first: u64, count: usize, dt_s: f64) {
-        if self.problem.colliders.is_empty() {
+        if self.setup.colliders.is_empty() {
             return;
         }
         let poses: Vec<layout::Pose> = (0..count as u64)
             .flat_map(|k| {
                 let t = self.time_s + (first + k) as f64 * dt_s;
-                self.problem.colliders.iter().map(move |c| (c, t))
+                self.setup.colliders.iter().map(move |c| (c, t))
             })
-            .map(|(c, t)| upload::pose(c, self.problem.origin, t))
+            .map(|(c, t)| upload::pose(c, self.setup.origin, t))
             .collect();
         self.gpu.queue.write_buffer(self.buffers.get(binding::POSES), 0, bytemuck::cast_slice(&poses));
         self.params.first_step = first as u32;
@@ -367,8 +367,8 @@ impl GpuEngine {
         let p = readback::particles(&self.gpu, &self.buffers, &self.frame).ok()?;
         let body = *p.body.get(id)? as usize;
         let speed_m_s = p.v[id].iter().map(|v| v * v).sum::<f64>().sqrt();
-        let cause = likely_cause(&self.problem, &Suspect { body, f: p.f[id], speed_m_s });
-        Some((format!("particle {id} (body \"{}\")", self.problem.bodies[body].name), cause))
+        let cause = likely_cause(&self.setup, &Suspect { body, f: p.f[id], speed_m_s });
+        Some((format!("particle {id} (body \"{}\")", self.setup.bodies[body].name), cause))
     }
 }
 
@@ -388,11 +388,11 @@ impl Engine for GpuEngine {
         let mut longest_s = f64::INFINITY;
         self.isolated = 0;
         let start_s = self.time_s;
-        let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.problem)];
+        let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.setup)];
         for _ in 0..MAX_PLANS {
             // The bound on node speeds has the affine part in it.
             let extremes = Extremes { speed_m_s: self.max_speed, affine_rate_1_s: 0.0, demand_1_s2: self.max_demand };
-            let plan = timestep::plan_frame(&self.problem, &extremes, frame_s - done_s).no_longer_than(longest_s);
+            let plan = timestep::plan_frame(&self.setup, &extremes, frame_s - done_s).no_longer_than(longest_s);
             let segment = self.run_segment(plan.dt_s, plan.steps, control)?;
             let too_long = segment.halt & layout::HALT_REPLAN != 0;
             longest_s = if too_long { timestep::SHRINK * plan.dt_s } else { plan.dt_s };
@@ -428,8 +428,8 @@ impl Engine for GpuEngine {
         })
     }
 
-    fn append(&mut self, particles: &Particles) -> Result<(), EngineError> {
-        let data = self.frame.data(particles)?;
+    fn append(&mut self, particles: Particles) -> Result<(), EngineError> {
+        let data = self.frame.data(&particles)?;
         self.buffers.put_states(&self.gpu, &data, &particles.body);
         self.frame.body_of.extend(&particles.body);
         self.params.live = self.buffers.live as u32;
@@ -477,6 +477,6 @@ impl<'a> Staged<'a> {
 
     fn nodes(&self, updated: bool) -> Result<Vec<GridNode>, EngineError> {
         let e = &self.engine;
-        readback::nodes(&e.gpu, &e.buffers, &e.problem, &e.params, 0, updated)
+        readback::nodes(&e.gpu, &e.buffers, &e.setup, &e.params, 0, updated)
     }
 }

@@ -8,10 +8,10 @@ use super::device::Gpu;
 use super::layout::{self, Params};
 use super::shaders::{Stage, source};
 use super::{readback, upload};
-use gridfall_core::material::{Law, initial_plastic_state, law_samples};
+use gridfall_core::material::{Law, initial_plastic_state, samples};
 use gridfall_core::maths::linalg::{Matrix, det, identity, mul, mul_transpose};
 use gridfall_core::maths::svd::svd;
-use gridfall_core::sim::problem::{Kernel, Material};
+use gridfall_core::sim::setup::{Kernel, Material};
 
 /// One thread a state: return map, stress, and the SVD of the state as it came.
 const ENTRY: &str = "
@@ -231,7 +231,7 @@ fn laws_agree_with_the_cpus() {
     let seed = 41;
     println!("seed {seed}");
     let gpu = gpu();
-    let materials = law_samples();
+    let materials = samples();
     let states = random_states(&mut StdRng::seed_from_u64(seed), &materials, 2000);
     let answers = ask(&gpu, &materials, &states);
     for (material, worst) in materials.iter().zip(differences(&materials, &states, &answers)) {
@@ -263,7 +263,7 @@ fn svd_of_every_kind_of_state() {
     let seed = 42;
     println!("seed {seed}");
     let rng = &mut StdRng::seed_from_u64(seed);
-    let materials = law_samples();
+    let materials = samples();
     let solid = materials.iter().position(|m| matches!(m, Material::StvkHencky(_))).unwrap();
     let spectra =
         [[1.0, 1.0, 1.0], [1.5, 1.0, 0.7], [1.0, 1.0, -1.0], [2.0, 0.5, -0.1], [1.0, 1e-3, 1e-6], [1.0, 1.0, 0.0]];

@@ -8,8 +8,8 @@ use super::layout::{BLOCK_NODES, NODE_CHANNELS, Params, REACTION_UNITS, REPLICAS
 use super::upload::{Frame, grid_offsets};
 use crate::contract::EngineError;
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::Problem;
 use gridfall_core::sim::reaction::Reaction;
+use gridfall_core::sim::setup::Setup;
 
 /// A grid node as the device sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,7 +73,7 @@ pub fn reactions(gpu: &Gpu, b: &Buffers, params: &Params) -> Result<Vec<Reaction
 pub fn nodes(
     gpu: &Gpu,
     b: &Buffers,
-    problem: &Problem,
+    setup: &Setup,
     params: &Params,
     side: usize,
     updated: bool,
@@ -100,7 +100,7 @@ pub fn nodes(
                     if updated { f64::from(f32::from_bits(raw as u32)) } else { f64::from(raw) * momentum_unit }
                 });
                 out.push(GridNode {
-                    grid: grid_offsets(problem.kernel)[grid],
+                    grid: grid_offsets(setup.kernel)[grid],
                     node: std::array::from_fn(|a| 4 * corner[a] as i32 + local[a] as i32 - params.pad[a]),
                     mass: f64::from(values[at]) / f64::from(params.mass_scale),
                     value,

@@ -1,6 +1,6 @@
 //! WGSL composition: an entry point is one file of `wgsl/` and the shared files that it uses, joined.
 
-use gridfall_core::sim::problem::Kernel;
+use gridfall_core::sim::setup::Kernel;
 
 macro_rules! wgsl {
     ($path:literal) => {

@@ -6,7 +6,7 @@ use gridfall_core::material::Law;
 use gridfall_core::material::parameters::Elasticity;
 use gridfall_core::sim::collider::{Collider, Primitive, SdfOp};
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{Axis, Contact, ContactKind, Kernel, Material, Problem};
+use gridfall_core::sim::setup::{Axis, Contact, ContactKind, Kernel, Material, Setup};
 use gridfall_core::sim::timestep::demands_at_rest_1_s2;
 
 /// Cells by which a kernel's base node is shifted: y = x/dx - shift has floor(y) as its first node (`SHIFT` in the shaders).
@@ -45,21 +45,21 @@ pub struct FrameData {
 }
 
 impl Frame {
-    pub fn new(problem: &Problem) -> Self {
-        let periodic = problem.axes.map(|a| a == Axis::Periodic);
+    pub fn new(setup: &Setup) -> Self {
+        let periodic = setup.axes.map(|a| a == Axis::Periodic);
         let pad = periodic.map(|p| if p { 0 } else { PAD_BLOCKS });
         let of_bodies = |property: fn(&Material) -> bool| -> Vec<bool> {
-            problem.bodies.iter().map(|b| property(&problem.materials[b.material])).collect()
+            setup.bodies.iter().map(|b| property(&setup.materials[b.material])).collect()
         };
         let (fluid, plastic) = (of_bodies(Material::is_fluid), of_bodies(Material::has_plastic_state));
         Self {
-            origin: problem.origin,
-            dx: problem.dx,
-            shift: shift(problem.kernel),
-            blocks: std::array::from_fn(|a| problem.cells[a].div_ceil(4) + 2 * pad[a]),
+            origin: setup.origin,
+            dx: setup.dx,
+            shift: shift(setup.kernel),
+            blocks: std::array::from_fn(|a| setup.cells[a].div_ceil(4) + 2 * pad[a]),
             pad: pad.map(|p| 4 * p),
             periodic,
-            body_of: problem.particles.body.clone(),
+            body_of: Vec::new(),
             channels: match (fluid.iter().all(|&f| f), plastic.contains(&true)) {
                 (true, _) => 1,
                 (false, false) => 9,
@@ -189,18 +189,18 @@ impl Frame {
     }
 
     /// The constant part of the shaders' parameters.
-    pub fn params(&self, problem: &Problem) -> Params {
+    pub fn params(&self, setup: &Setup) -> Params {
         Params {
             blocks: self.blocks.map(|b| b as u32),
-            particles: problem.total_particles() as u32,
+            particles: setup.total_particles() as u32,
             live: self.body_of.len() as u32,
-            cells: problem.cells.map(|c| c as f32),
-            dx: problem.dx as f32,
-            gravity: problem.gravity.map(|g| g as f32),
+            cells: setup.cells.map(|c| c as f32),
+            dx: setup.dx as f32,
+            gravity: setup.gravity.map(|g| g as f32),
             pad: self.pad.map(|p| p as i32),
             periodic: self.periodic.map(u32::from),
-            colliders: problem.colliders.len() as u32,
-            walls: std::array::from_fn(|w| match problem.axes[w / 2] {
+            colliders: setup.colliders.len() as u32,
+            walls: std::array::from_fn(|w| match setup.axes[w / 2] {
                 Axis::Periodic => [0.0; 4],
                 Axis::Walls(walls) => [contact_code(walls[w % 2]) as f32, walls[w % 2].friction as f32, 0.0, 0.0],
             }),
@@ -221,9 +221,9 @@ fn contact_code(contact: Contact) -> u32 {
     }
 }
 
-pub fn bodies(problem: &Problem) -> Vec<layout::Body> {
-    (problem.bodies.iter())
-        .zip(demands_at_rest_1_s2(problem))
+pub fn bodies(setup: &Setup) -> Vec<layout::Body> {
+    (setup.bodies.iter())
+        .zip(demands_at_rest_1_s2(setup))
         .map(|(b, demand)| layout::Body {
             mass: b.mass as f32,
             volume: b.volume0 as f32,
@@ -233,8 +233,8 @@ pub fn bodies(problem: &Problem) -> Vec<layout::Body> {
         .collect()
 }
 
-pub fn materials(problem: &Problem) -> Vec<layout::Material> {
-    problem.materials.iter().map(material).collect()
+pub fn materials(setup: &Setup) -> Vec<layout::Material> {
+    setup.materials.iter().map(material).collect()
 }
 
 /// Parameters as the shaders know them; models are numbered as in `wgsl/shared/state.wgsl`.
@@ -257,16 +257,16 @@ pub fn material(material: &Material) -> layout::Material {
 }
 
 /// Signed distance programs, the samples of their fields, and colliders, in coordinates relative to `domain.min`.
-pub fn colliders(problem: &Problem) -> (Vec<layout::SdfOp>, Vec<f32>, Vec<layout::Collider>) {
+pub fn colliders(setup: &Setup) -> (Vec<layout::SdfOp>, Vec<f32>, Vec<layout::Collider>) {
     let (mut ops, mut samples, mut out) = (Vec::new(), Vec::new(), Vec::new());
-    for c in &problem.colliders {
+    for c in &setup.colliders {
         out.push(layout::Collider {
             first: ops.len() as u32,
             count: c.sdf.ops.len() as u32,
             kind: contact_code(c.contact),
             friction: c.contact.friction as f32,
         });
-        ops.extend(c.sdf.ops.iter().map(|op| sdf_op(op, problem.origin, &mut samples)));
+        ops.extend(c.sdf.ops.iter().map(|op| sdf_op(op, setup.origin, &mut samples)));
     }
     (ops, samples, out)
 }

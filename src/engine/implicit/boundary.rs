@@ -13,8 +13,8 @@ use super::transfer::Node;
 use gridfall_core::maths::linalg::{Vector, dot};
 use gridfall_core::sim::collider::{Collider, NORMAL_STEP_DX, rotate};
 use gridfall_core::sim::contact::wall_side;
-use gridfall_core::sim::problem::{Axis, Contact, ContactKind, Problem};
 use gridfall_core::sim::reaction::{self, Reaction};
+use gridfall_core::sim::setup::{Axis, Contact, ContactKind, Setup};
 
 /// Nodes lighter than this share of the heaviest move freely, without forces: they would only spoil the condition of the system.
 const LIGHTEST: f64 = 1e-12;
@@ -65,18 +65,18 @@ struct Present<'a> {
 
 impl<const D: usize> Boundary<D> {
     /// Decides for a step of `dt` (s) from `time_s`, and renumbers the nodes so that those of the system come first.
-    pub fn new(problem: &Problem, topology: &mut Topology<D>, nodes: &mut Vec<Node<D>>, time_s: f64, dt: f64) -> Self {
+    pub fn new(setup: &Setup, topology: &mut Topology<D>, nodes: &mut Vec<Node<D>>, time_s: f64, dt: f64) -> Self {
         let heaviest = nodes.iter().map(|node| node.mass).fold(0.0, f64::max);
-        let colliders = problem.colliders.iter().zip(reaction::WALLS..).filter(|(c, _)| c.is_present(time_s));
+        let colliders = setup.colliders.iter().zip(reaction::WALLS..).filter(|(c, _)| c.is_present(time_s));
         let present: Vec<Present> = colliders.map(|(collider, surface)| Present { surface, collider }).collect();
         let rule = |i: usize| {
-            let falling: Vector<f64, D> = std::array::from_fn(|a| nodes[i].velocity[a] + dt * problem.gravity[a]);
+            let falling: Vector<f64, D> = std::array::from_fn(|a| nodes[i].velocity[a] + dt * setup.gravity[a]);
             if nodes[i].mass < LIGHTEST * heaviest {
                 return Rule { freedom: None, velocity: falling, touches: Vec::new() };
             }
             let node = &topology.nodes[i];
-            let x = topology.position(problem, node);
-            let touches = touches(problem, &present, &on_walls(problem, node, topology.dx), x, &falling, time_s, dt);
+            let x = topology.position(setup, node);
+            let touches = touches(setup, &present, &on_walls(setup, node, topology.dx), x, &falling, time_s, dt);
             decide(falling, touches)
         };
         let rules: Vec<Rule<D>> = (0..nodes.len()).into_par_iter().with_min_len(256).map(rule).collect();
@@ -134,8 +134,8 @@ impl<const D: usize> Boundary<D> {
 
     /// The impulses (N s) that surfaces take in a solved step. `impulses` are what they gave each node: ∇E before projection and without
     /// friction, whose part then lies along the surface.
-    pub fn reactions(&self, problem: &Problem, share: f64, impulses: &[Vector<f64, D>]) -> Vec<Reaction> {
-        let mut sums = vec![Reaction::default(); reaction::surfaces(problem)];
+    pub fn reactions(&self, setup: &Setup, share: f64, impulses: &[Vector<f64, D>]) -> Vec<Reaction> {
+        let mut sums = vec![Reaction::default(); reaction::surfaces(setup)];
         for (node, touches) in &self.touched {
             let mut rest = impulses[*node as usize];
             let mut parts: Vec<Vector<f64, D>> = Vec::with_capacity(touches.len());
@@ -160,14 +160,14 @@ impl<const D: usize> Boundary<D> {
 }
 
 /// The walls that a node belongs to, 0 the lower and 1 the upper; `dx` (m) may be that of a coarsened grid.
-fn on_walls<const D: usize>(problem: &Problem, node: &NodeId<D>, dx: f64) -> [Option<usize>; D] {
-    let coarsening = (dx / problem.dx).round() as i32;
-    std::array::from_fn(|a| wall_side(node.index[a] * coarsening, problem.cells[a] as i32))
+fn on_walls<const D: usize>(setup: &Setup, node: &NodeId<D>, dx: f64) -> [Option<usize>; D] {
+    let coarsening = (dx / setup.dx).round() as i32;
+    std::array::from_fn(|a| wall_side(node.index[a] * coarsening, setup.cells[a] as i32))
 }
 
 /// Surfaces that act on a node that would move with `falling` (m/s) without them.
 fn touches<const D: usize>(
-    problem: &Problem,
+    setup: &Setup,
     present: &[Present],
     walls: &[Option<usize>; D],
     x: [f64; 3],
@@ -183,7 +183,7 @@ fn touches<const D: usize>(
         }
     };
     for a in 0..D {
-        let Axis::Walls(contacts) = &problem.axes[a] else { continue };
+        let Axis::Walls(contacts) = &setup.axes[a] else { continue };
         if let Some(side) = walls[a] {
             let mut normal = [0.0; D];
             normal[a] = if side == 0 { 1.0 } else { -1.0 };
@@ -195,7 +195,7 @@ fn touches<const D: usize>(
         if placed.distance(x) > 0.0 {
             continue;
         }
-        let normal = placed.normal(x, NORMAL_STEP_DX * problem.dx);
+        let normal = placed.normal(x, NORMAL_STEP_DX * setup.dx);
         let (from, to) = (&placed.motion.pose, collider.motion.pose(time_s + dt));
         let turned = rotate(&to.rotation, from.to_start(x));
         meet(Touch {

@@ -5,7 +5,7 @@ use super::state::{BodySetup, State, vector};
 use super::topology::Topology;
 use super::transfer::{Node, particles_to_grid};
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Setup;
 
 /// The grid of a step, and the particles in the order of its groups.
 pub struct Discretisation<const D: usize> {
@@ -22,21 +22,21 @@ pub struct Discretisation<const D: usize> {
 
 impl<const D: usize> Discretisation<D> {
     /// Of a step of `dt` (s) from `time_s`.
-    pub fn new(problem: &Problem, bodies: &[BodySetup], particles: &Particles, time_s: f64, dt: f64) -> Self {
+    pub fn new(setup: &Setup, bodies: &[BodySetup], particles: &Particles, time_s: f64, dt: f64) -> Self {
         let x: Vec<_> = particles.x.iter().map(vector::<D>).collect();
-        let mut topology = Topology::new(problem, &x, problem.dx);
+        let mut topology = Topology::new(setup, &x, setup.dx);
         let state = State::sorted(particles, &topology);
-        let mut nodes = particles_to_grid(problem, &topology, &state, bodies);
-        let boundary = Boundary::new(problem, &mut topology, &mut nodes, time_s, dt);
+        let mut nodes = particles_to_grid(setup, &topology, &state, bodies);
+        let boundary = Boundary::new(setup, &mut topology, &mut nodes, time_s, dt);
         Self { topology, state, nodes, boundary, time_s, dt }
     }
 
     /// The same particles on a grid of spacing `dx` (m), and where each was in the order of this one.
-    pub fn coarsened(&self, problem: &Problem, bodies: &[BodySetup], dx: f64) -> (Self, Vec<u32>) {
-        let mut topology = Topology::new(problem, &self.state.x, dx);
+    pub fn coarsened(&self, setup: &Setup, bodies: &[BodySetup], dx: f64) -> (Self, Vec<u32>) {
+        let mut topology = Topology::new(setup, &self.state.x, dx);
         let state = self.state.permuted(&topology.order);
-        let mut nodes = particles_to_grid(problem, &topology, &state, bodies);
-        let boundary = Boundary::new(problem, &mut topology, &mut nodes, self.time_s, self.dt);
+        let mut nodes = particles_to_grid(setup, &topology, &state, bodies);
+        let boundary = Boundary::new(setup, &mut topology, &mut nodes, self.time_s, self.dt);
         let order = topology.order.clone();
         (Self { topology, state, nodes, boundary, time_s: self.time_s, dt: self.dt }, order)
     }

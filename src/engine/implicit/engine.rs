@@ -9,8 +9,8 @@ use super::transfer::grid_to_particles;
 use crate::contract::{Backend, Control, Engine, EngineError, FrameStats, Solve};
 use gridfall_core::sim::divergence::{Suspect, likely_cause};
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::Problem;
 use gridfall_core::sim::reaction::{self, Reaction};
+use gridfall_core::sim::setup::Setup;
 
 /// A step in which a particle goes farther (dx) is done again at half the length.
 pub const FARTHEST_DX: f64 = 1.0;
@@ -18,8 +18,7 @@ pub const FARTHEST_DX: f64 = 1.0;
 /// A problem loaded on the CPU, integrated implicitly.
 pub struct ImplicitEngine {
     backend: Backend,
-    /// Without particles.
-    problem: Problem,
+    setup: Setup,
     bodies: Vec<BodySetup>,
     particles: Particles,
     step: u64,
@@ -45,22 +44,22 @@ enum Attempt {
 
 impl ImplicitEngine {
     /// Loads the problem at time 0. Errors: [`EngineError::Capacity`] beyond 2³² places of nodes.
-    pub fn new(problem: &Problem) -> Result<Self, EngineError> {
-        let particles = problem.total_particles();
-        if particles > (u32::MAX / 64) as usize {
-            return Err(EngineError::Capacity(format!("{particles} particles; the implicit engine counts to 2^26")));
+    pub fn new(setup: &Setup, particles: Particles) -> Result<Self, EngineError> {
+        let total = setup.total_particles();
+        if total > (u32::MAX / 64) as usize {
+            return Err(EngineError::Capacity(format!("{total} particles; the implicit engine counts to 2^26")));
         }
-        if problem.bodies.iter().any(|body| problem.materials[body.material].is_fluid()) {
+        if setup.bodies.iter().any(|body| setup.materials[body.material].is_fluid()) {
             return Err(EngineError::Unsupported("fluids are integrated explicitly".into()));
         }
         Ok(Self {
             backend: Backend::this_cpu("the implicit solver runs every scene on the CPU"),
-            bodies: match problem.dimension {
-                2 => setups::<2>(problem),
-                _ => setups::<3>(problem),
+            bodies: match setup.dimension {
+                2 => setups::<2>(setup),
+                _ => setups::<3>(setup),
             },
-            particles: problem.particles.clone(),
-            problem: Problem { particles: Particles::default(), ..problem.clone() },
+            particles,
+            setup: setup.clone(),
             step: 0,
             time_s: 0.0,
         })
@@ -79,24 +78,24 @@ impl ImplicitEngine {
     }
 
     fn attempt(&self, dt: f64, control: &dyn Control) -> Attempt {
-        match self.problem.dimension {
+        match self.setup.dimension {
             2 => self.attempt_in::<2>(dt, control),
             _ => self.attempt_in::<3>(dt, control),
         }
     }
 
     fn attempt_in<const D: usize>(&self, dt: f64, control: &dyn Control) -> Attempt {
-        let (problem, bodies) = (&self.problem, &self.bodies);
-        let mut step = Discretisation::<D>::new(problem, bodies, &self.particles, self.time_s, dt);
-        let mut potential = Potential::new(problem, bodies, &step, control);
-        let (mut dv, mut solve) = minimise(&potential, &problem.implicit);
+        let (setup, bodies) = (&self.setup, &self.bodies);
+        let mut step = Discretisation::<D>::new(setup, bodies, &self.particles, self.time_s, dt);
+        let mut potential = Potential::new(setup, bodies, &step, control);
+        let (mut dv, mut solve) = minimise(&potential, &setup.implicit);
         let (_, mut impulses) = potential.energy_and_forces(&dv);
         // Once more with the surfaces that turned out to pull let go, and with the friction that the others cause.
         let released = step.boundary.release(&impulses);
-        potential = Potential::new(problem, bodies, &step, control).with_friction(dv.clone());
+        potential = Potential::new(setup, bodies, &step, control).with_friction(dv.clone());
         if (released || potential.has_friction()) && !control.canceled() {
             let before = solve;
-            (dv, solve) = minimise(&potential, &problem.implicit);
+            (dv, solve) = minimise(&potential, &setup.implicit);
             solve.iterations += before.iterations;
             solve.inner_iterations += before.inner_iterations;
             solve.halvings += before.halvings;
@@ -107,8 +106,8 @@ impl ImplicitEngine {
         }
         let velocities = potential.velocities(&dv);
         let Discretisation { topology, state, boundary, .. } = &step;
-        let reactions = boundary.reactions(problem, topology.interpolation.shape.share, &impulses);
-        let (after, moves) = grid_to_particles(problem, topology, state, bodies, &velocities, dt);
+        let reactions = boundary.reactions(setup, topology.interpolation.shape.share, &impulses);
+        let (after, moves) = grid_to_particles(setup, topology, state, bodies, &velocities, dt);
         let id = |p: usize| topology.order[p] as usize;
         if moves.lost.is_some() || moves.farthest_dx > FARTHEST_DX {
             return Attempt::TooLong(moves.lost.map(id));
@@ -123,11 +122,11 @@ impl ImplicitEngine {
     }
 
     fn lost(&self, particle: usize) -> EngineError {
-        let (p, problem) = (&self.particles, &self.problem);
+        let (p, setup) = (&self.particles, &self.setup);
         let body = p.body[particle] as usize;
         let speed_m_s = p.v[particle].iter().map(|c| c * c).sum::<f64>().sqrt();
-        let cause = likely_cause(problem, &Suspect { body, f: p.f[particle], speed_m_s });
-        let name = &problem.bodies[body].name;
+        let cause = likely_cause(setup, &Suspect { body, f: p.f[particle], speed_m_s });
+        let name = &setup.bodies[body].name;
         let what = format!("particle {particle} (body \"{name}\") is no longer finite; likely cause: {cause}");
         EngineError::Diverged { step: self.step, time_s: self.time_s, what }
     }
@@ -140,7 +139,7 @@ impl Engine for ImplicitEngine {
 
     fn advance_frame(&mut self, frame_s: f64, control: &dyn Control) -> Result<FrameStats, EngineError> {
         let start_s = self.time_s;
-        let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.problem)];
+        let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.setup)];
         let mut solves = Vec::new();
         if self.particles.is_empty() {
             // Sources that have not opened yet.
@@ -154,7 +153,7 @@ impl Engine for ImplicitEngine {
                 return Err(EngineError::Canceled);
             }
             let remaining_s = frame_s - gone_s;
-            let dt = next_dt_s(&self.problem, max_speed_m_s(&self.particles), remaining_s).min(longest_s);
+            let dt = next_dt_s(&self.setup, max_speed_m_s(&self.particles), remaining_s).min(longest_s);
             match self.attempt(dt, control) {
                 Attempt::Done(step) => {
                     self.particles = step.particles;
@@ -170,8 +169,8 @@ impl Engine for ImplicitEngine {
                 Attempt::TooLong(_) if dt > MIN_DT_S => longest_s = 0.5 * dt,
                 Attempt::TooLong(particle) => return Err(self.lost(particle.unwrap_or(0))),
                 Attempt::Outside(particle) => {
-                    let name = &self.problem.bodies[self.particles.body[particle] as usize].name;
-                    let x = &self.particles.x[particle][..self.problem.dimension];
+                    let name = &self.setup.bodies[self.particles.body[particle] as usize].name;
+                    let x = &self.particles.x[particle][..self.setup.dimension];
                     let what = format!("particle {particle} (body \"{name}\") leaves from {x:?} m");
                     return Err(EngineError::LeftDomain { step: self.step, time_s: self.time_s, what });
                 }
@@ -183,8 +182,8 @@ impl Engine for ImplicitEngine {
         Ok(FrameStats { steps, dt_s: frame_s / steps as f64, isolated_reset: 0, reactions, solves })
     }
 
-    fn append(&mut self, particles: &Particles) -> Result<(), EngineError> {
-        self.particles.append(particles.clone());
+    fn append(&mut self, particles: Particles) -> Result<(), EngineError> {
+        self.particles.append(particles);
         Ok(())
     }
 

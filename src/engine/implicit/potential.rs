@@ -16,7 +16,7 @@ use super::topology::period;
 use crate::contract::Control;
 use gridfall_core::material::Tensor4;
 use gridfall_core::maths::linalg::{Matrix, Vector, add_scaled, apply, identity, mul, mul_transpose};
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Setup;
 
 mod splitting;
 
@@ -27,7 +27,7 @@ const fn characteristic_area(dimension: usize) -> f64 {
 
 /// One step's minimisation problem.
 pub struct Potential<'a, const D: usize> {
-    problem: &'a Problem,
+    setup: &'a Setup,
     bodies: &'a [BodySetup],
     step: &'a Discretisation<D>,
     control: &'a dyn Control,
@@ -40,16 +40,16 @@ pub struct Potential<'a, const D: usize> {
 impl<'a, const D: usize> Potential<'a, D> {
     /// `control` may end a solver's work early.
     pub fn new(
-        problem: &'a Problem,
+        setup: &'a Setup,
         bodies: &'a [BodySetup],
         step: &'a Discretisation<D>,
         control: &'a dyn Control,
     ) -> Self {
         let system = &step.nodes[..step.unknowns()];
-        let area = characteristic_area(D) * problem.dx.powi(D as i32 - 1);
+        let area = characteristic_area(D) * setup.dx.powi(D as i32 - 1);
         let masses = system.iter().map(|node| node.mass).collect();
         let scales = system.iter().map(|node| area * step.dt * node.stiffness).collect();
-        Self { problem, bodies, step, control, masses, scales, friction: None }
+        Self { setup, bodies, step, control, masses, scales, friction: None }
     }
 
     /// The same with the friction that a solution without it causes; its solve goes on from there.
@@ -67,7 +67,7 @@ impl<'a, const D: usize> Potential<'a, D> {
     /// Friction's nodes, and the speed (m/s) below which they count as sticking.
     fn drags(&self) -> (&[Drag<D>], f64) {
         let drags = self.friction.as_ref().map_or(&[][..], |friction| &friction.0);
-        (drags, STICKING_DX * self.problem.dx / self.step.dt)
+        (drags, STICKING_DX * self.setup.dx / self.step.dt)
     }
 
     /// Loss (J) by friction.
@@ -151,7 +151,7 @@ impl<'a, const D: usize> Potential<'a, D> {
 
     /// ½ Σ m_i |Δv_i|² − dt Σ m_i g·Δv_i (J).
     fn inertia(&self, dv: &Field<D>) -> f64 {
-        let (dt, gravity) = (self.step.dt, &self.problem.gravity);
+        let (dt, gravity) = (self.step.dt, &self.setup.gravity);
         sum(dv
             .iter()
             .zip(&self.masses)
@@ -183,7 +183,7 @@ impl<'a, const D: usize> Potential<'a, D> {
         for (i, node) in self.step.nodes.iter().enumerate() {
             for a in 0..D {
                 let dv = velocities[i][a] - node.velocity[a];
-                gradient[i][a] += node.mass * (dv - self.step.dt * self.problem.gravity[a]);
+                gradient[i][a] += node.mass * (dv - self.step.dt * self.setup.gravity[a]);
             }
         }
         gradient
@@ -258,7 +258,7 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
     }
 
     fn period(&self) -> [Option<i32>; D] {
-        period(self.problem)
+        period(self.setup)
     }
 
     fn canceled(&self) -> bool {
@@ -324,8 +324,8 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
     }
 
     fn coarse_hessian(&self, dv: &Field<D>, level: u32) -> (Vec<NodeId<D>>, Bsr<f64, D>) {
-        let dx = self.problem.dx * f64::from(1u32 << level);
-        let (coarse, order) = self.step.coarsened(self.problem, self.bodies, dx);
+        let dx = self.setup.dx * f64::from(1u32 << level);
+        let (coarse, order) = self.step.coarsened(self.setup, self.bodies, dx);
         let tensors = self.tensors(dv);
         let tensors: Vec<_> = order.iter().map(|&p| tensors[p as usize]).collect();
         let masses: Vec<f64> = coarse.nodes[..coarse.unknowns()].iter().map(|node| node.mass).collect();

@@ -4,7 +4,7 @@ use super::topology::Topology;
 use gridfall_core::material::Law;
 use gridfall_core::maths::linalg::{Matrix, Vector, from_row_major, to_row_major};
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Setup;
 
 /// What all particles of a body share.
 #[derive(Clone, Copy, Debug)]
@@ -19,13 +19,13 @@ pub struct BodySetup {
 }
 
 /// Setups of all bodies of a problem.
-pub fn setups<const D: usize>(problem: &Problem) -> Vec<BodySetup> {
-    let setup = |body: &gridfall_core::sim::problem::Body| {
-        let law = Law::new(&problem.materials[body.material]);
+pub fn setups<const D: usize>(setup: &Setup) -> Vec<BodySetup> {
+    let of_body = |body: &gridfall_core::sim::setup::Body| {
+        let law = Law::new(&setup.materials[body.material]);
         let characteristic = law.characteristic::<D>();
         BodySetup { law, mass: body.mass, volume0: body.volume0, characteristic }
     };
-    problem.bodies.iter().map(setup).collect()
+    setup.bodies.iter().map(of_body).collect()
 }
 
 /// Particles in the order of a topology.

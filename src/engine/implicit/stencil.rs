@@ -5,7 +5,7 @@
 
 use gridfall_core::maths::linalg::{Matrix, Vector, apply, identity};
 use gridfall_core::sim::kernel::{Compact, Cubic, Kernel as KernelForm, Linear, Quadratic};
-use gridfall_core::sim::problem::{Kernel, Transfer};
+use gridfall_core::sim::setup::{Kernel, Transfer};
 
 /// What a kernel asks for, as numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]

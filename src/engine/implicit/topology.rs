@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::objective::NodeId;
 use super::stencil::{Interpolation, Stencil};
 use gridfall_core::maths::linalg::Vector;
-use gridfall_core::sim::problem::{Axis, Problem};
+use gridfall_core::sim::setup::{Axis, Setup};
 
 /// Groups that a thread takes at a time.
 const CHUNK: usize = 64;
@@ -64,17 +64,17 @@ fn unpack<const D: usize>(key: u64) -> NodeId<D> {
 }
 
 /// Cells along the axes that are periodic.
-pub fn period<const D: usize>(problem: &Problem) -> [Option<i32>; D] {
-    std::array::from_fn(|a| matches!(problem.axes[a], Axis::Periodic).then_some(problem.cells[a] as i32))
+pub fn period<const D: usize>(setup: &Setup) -> [Option<i32>; D] {
+    std::array::from_fn(|a| matches!(setup.axes[a], Axis::Periodic).then_some(setup.cells[a] as i32))
 }
 
 impl<const D: usize> Topology<D> {
     /// Of particles at `x` (m, scene coordinates), on nodes of spacing `dx` (m).
-    pub fn new(problem: &Problem, x: &[Vector<f64, D>], dx: f64) -> Self {
-        let interpolation = Interpolation::<D>::new(problem.kernel, problem.transfer);
-        let period = period::<D>(problem).map(|cells| cells.map(|n| (f64::from(n) * problem.dx / dx).round() as i32));
+    pub fn new(setup: &Setup, x: &[Vector<f64, D>], dx: f64) -> Self {
+        let interpolation = Interpolation::<D>::new(setup.kernel, setup.transfer);
+        let period = period::<D>(setup).map(|cells| cells.map(|n| (f64::from(n) * setup.dx / dx).round() as i32));
         let stride = interpolation.nodes();
-        let local = |x: &Vector<f64, D>| -> Vector<f64, D> { std::array::from_fn(|a| (x[a] - problem.origin[a]) / dx) };
+        let local = |x: &Vector<f64, D>| -> Vector<f64, D> { std::array::from_fn(|a| (x[a] - setup.origin[a]) / dx) };
         let grids = interpolation.shape.grids;
 
         // Order by the lowest nodes, which decide all others; equal ones by index.
@@ -184,10 +184,10 @@ impl<const D: usize> Topology<D> {
     }
 
     /// x_i − x_p (m) for the `local`-th node of a particle at `x` (m).
-    pub fn arm(&self, problem: &Problem, particle: usize, x: &Vector<f64, D>, local: usize) -> Vector<f64, D> {
+    pub fn arm(&self, setup: &Setup, particle: usize, x: &Vector<f64, D>, local: usize) -> Vector<f64, D> {
         let (grid, offset) = self.interpolation.offset(local);
         let (base, shift) = (&self.stencils[particle].base[grid], self.interpolation.shape.shift[grid]);
-        std::array::from_fn(|a| problem.origin[a] + (f64::from(base[a] + offset[a]) + shift) * self.dx - x[a])
+        std::array::from_fn(|a| setup.origin[a] + (f64::from(base[a] + offset[a]) + shift) * self.dx - x[a])
     }
 
     /// The groups that touch a node, as places in `group_nodes`.
@@ -196,11 +196,11 @@ impl<const D: usize> Topology<D> {
     }
 
     /// Where a node is (m), in scene coordinates; z = 0 in 2D.
-    pub fn position(&self, problem: &Problem, node: &NodeId<D>) -> [f64; 3] {
+    pub fn position(&self, setup: &Setup, node: &NodeId<D>) -> [f64; 3] {
         let shift = self.interpolation.shape.shift[usize::from(node.grid)];
         let mut x = [0.0; 3];
         for a in 0..D {
-            x[a] = problem.origin[a] + (f64::from(node.index[a]) + shift) * self.dx;
+            x[a] = setup.origin[a] + (f64::from(node.index[a]) + shift) * self.dx;
         }
         x
     }

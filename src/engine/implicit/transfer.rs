@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::state::{BodySetup, State};
 use super::topology::Topology;
 use gridfall_core::maths::linalg::{Matrix, Vector, add_scaled, apply, identity, mul};
-use gridfall_core::sim::problem::{Axis, Problem, Transfer};
+use gridfall_core::sim::setup::{Axis, Setup, Transfer};
 
 /// A node before the step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,7 +23,7 @@ pub struct Node<const D: usize> {
 
 /// All nodes of a topology.
 pub fn particles_to_grid<const D: usize>(
-    problem: &Problem,
+    setup: &Setup,
     topology: &Topology<D>,
     state: &State<D>,
     bodies: &[BodySetup],
@@ -36,7 +36,7 @@ pub fn particles_to_grid<const D: usize>(
             let (w, _) = topology.stencil(p);
             for (local, share) in shares.iter_mut().enumerate() {
                 let m = w[local] * body.mass;
-                let turn = apply(&affine[p], &topology.arm(problem, p, &state.x[p], local));
+                let turn = apply(&affine[p], &topology.arm(setup, p, &state.x[p], local));
                 share.mass += m;
                 share.stiffness += m * body.characteristic;
                 for a in 0..D {
@@ -72,7 +72,7 @@ pub struct Moves {
 
 /// The particles after a step of `dt` (s) with these node velocities (m/s) at its end.
 pub fn grid_to_particles<const D: usize>(
-    problem: &Problem,
+    setup: &Setup,
     topology: &Topology<D>,
     state: &State<D>,
     bodies: &[BodySetup],
@@ -80,14 +80,14 @@ pub fn grid_to_particles<const D: usize>(
     dt: f64,
 ) -> (State<D>, Moves) {
     let share = topology.interpolation.shape.share;
-    let affine = problem.transfer != Transfer::Pic;
+    let affine = setup.transfer != Transfer::Pic;
     let advance = |p: usize| {
         let (w, g) = topology.stencil(p);
         let nodes = topology.nodes_of(topology.group_of[p] as usize);
         let (mut v, mut b, mut grad_v) = ([0.0; D], [[0.0; D]; D], [[0.0; D]; D]);
         for (local, &node) in nodes.iter().enumerate() {
             let velocity = &velocities[node as usize];
-            let arm = topology.arm(problem, p, &state.x[p], local);
+            let arm = topology.arm(setup, p, &state.x[p], local);
             for a in 0..D {
                 let weighted = share * w[local] * velocity[a];
                 v[a] += weighted;
@@ -103,7 +103,7 @@ pub fn grid_to_particles<const D: usize>(
         if law.is_plastic() {
             law.return_map(&mut f, &mut plastic);
         }
-        let x: Vector<f64, D> = std::array::from_fn(|a| wrapped(problem, a, state.x[p][a] + dt * v[a]));
+        let x: Vector<f64, D> = std::array::from_fn(|a| wrapped(setup, a, state.x[p][a] + dt * v[a]));
         (x, v, if affine { b } else { [[0.0; D]; D] }, f, plastic)
     };
     let count = state.x.len();
@@ -114,11 +114,11 @@ pub fn grid_to_particles<const D: usize>(
         if !finite {
             moves.lost.get_or_insert(p);
         }
-        if (0..D).any(|a| is_outside(problem, a, x[a])) {
+        if (0..D).any(|a| is_outside(setup, a, x[a])) {
             moves.outside.get_or_insert(p);
         }
         let speed = v.iter().map(|c| c * c).sum::<f64>().sqrt();
-        moves.farthest_dx = moves.farthest_dx.max(speed * dt / problem.dx);
+        moves.farthest_dx = moves.farthest_dx.max(speed * dt / setup.dx);
     }
     let after = State {
         x: moved.iter().map(|m| m.0).collect(),
@@ -131,14 +131,14 @@ pub fn grid_to_particles<const D: usize>(
     (after, moves)
 }
 
-fn wrapped(problem: &Problem, a: usize, x: f64) -> f64 {
-    match problem.axes[a] {
-        Axis::Periodic => problem.origin[a] + (x - problem.origin[a]).rem_euclid(problem.cells[a] as f64 * problem.dx),
+fn wrapped(setup: &Setup, a: usize, x: f64) -> f64 {
+    match setup.axes[a] {
+        Axis::Periodic => setup.origin[a] + (x - setup.origin[a]).rem_euclid(setup.cells[a] as f64 * setup.dx),
         Axis::Walls(_) => x,
     }
 }
 
-fn is_outside(problem: &Problem, a: usize, x: f64) -> bool {
-    let x = (x - problem.origin[a]) / problem.dx;
-    matches!(problem.axes[a], Axis::Walls(_)) && !(-1.0..=problem.cells[a] as f64 + 1.0).contains(&x)
+fn is_outside(setup: &Setup, a: usize, x: f64) -> bool {
+    let x = (x - setup.origin[a]) / setup.dx;
+    matches!(setup.axes[a], Axis::Walls(_)) && !(-1.0..=setup.cells[a] as f64 + 1.0).contains(&x)
 }

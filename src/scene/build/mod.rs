@@ -15,7 +15,7 @@ use gridfall_core::sim::collider::{Sdf, rotate};
 use gridfall_core::sim::cost;
 use gridfall_core::sim::moments::moment_matrix;
 use gridfall_core::sim::particles::{IDENTITY, Particles};
-use gridfall_core::sim::problem::{Axis, Body, Contact, Problem};
+use gridfall_core::sim::setup::{Axis, Body, Contact, Problem, Setup};
 
 /// Cells on each axis, unrounded; 1 on z in 2D.
 pub(crate) fn cells(domain: &schema::Domain, dimension: usize) -> [f64; 3] {
@@ -54,7 +54,7 @@ pub(crate) fn lattice(domain: &schema::Domain, per_axis: f64, sdf: &Sdf, dimensi
 pub(crate) fn build(scene: &Scene) -> Problem {
     let dimension = scene.dimension as usize;
     let materials: Vec<&String> = scene.materials.keys().collect();
-    let mut problem = Problem {
+    let setup = Setup {
         name: scene.name.clone(),
         dimension,
         origin: vector3(&scene.domain.min),
@@ -66,7 +66,6 @@ pub(crate) fn build(scene: &Scene) -> Problem {
         bodies: Vec::new(),
         sources: Vec::new(),
         colliders: colliders(scene),
-        particles: Particles::default(),
         kernel: scene.solver.kernel,
         transfer: scene.solver.transfer,
         precision: scene.solver.precision,
@@ -81,19 +80,21 @@ pub(crate) fn build(scene: &Scene) -> Problem {
         preview_points: scene.output.preview_points as usize,
         seed: scene.seed,
     };
+    let mut problem = Problem { setup, particles: Particles::default() };
     let material = |name: &str| materials.iter().position(|known| *known == name).expect("a valid scene");
     for (index, body) in scene.bodies.iter().enumerate() {
         add_body(&mut problem, scene, body, index, material(&body.material));
     }
     for source in &scene.sources {
-        let built = sources::build(scene, source, problem.bodies.len());
+        let built = sources::build(scene, source, problem.setup.bodies.len());
         let material = material(&source.material);
         let (volume0, none) = (built.spacing.powi(dimension as i32), problem.particles.len());
-        let mass = problem.materials[material].density() * volume0;
-        problem.bodies.push(Body { name: source.name.clone(), material, particles: none..none, volume0, mass });
-        problem.sources.push(built);
+        let mass = problem.setup.materials[material].density() * volume0;
+        problem.setup.bodies.push(Body { name: source.name.clone(), material, particles: none..none, volume0, mass });
+        problem.setup.sources.push(built);
     }
-    (problem.integrator, problem.integrator_reason) = cost::choose(&problem, scene.solver.integrator);
+    (problem.setup.integrator, problem.setup.integrator_reason) =
+        cost::choose(&problem.setup, &problem.particles, scene.solver.integrator);
     problem
 }
 
@@ -119,14 +120,14 @@ pub(crate) fn spin(w: &[f64]) -> [f64; 3] {
 
 /// Samples a shape: positions, and the volume of one particle (m^d).
 fn fill(problem: &Problem, scene: &Scene, body: &schema::Body, index: usize, shape: &Shape) -> (Vec<[f64; 3]>, f64) {
-    let d = problem.dimension;
+    let d = problem.setup.dimension;
     let (per_cell, per_axis) = particles_per_cell(body, d);
     let per_axis = per_axis.expect("a valid scene");
     let sdf = sdf(shape, d);
-    let points = |per_axis: f64| lattice(&scene.domain, per_axis, &sdf, d).clipped(problem.cells, per_axis);
+    let points = |per_axis: f64| lattice(&scene.domain, per_axis, &sdf, d).clipped(problem.setup.cells, per_axis);
     let x = points(per_axis).sample(&sdf, body.sampling, scene.seed, index as u64);
     let volume0 = match body.sampling {
-        Sampling::Regular | Sampling::Jittered => problem.dx.powi(d as i32) / f64::from(per_cell),
+        Sampling::Regular | Sampling::Jittered => problem.setup.dx.powi(d as i32) / f64::from(per_cell),
         Sampling::PoissonDisk => points(per_axis.ceil()).volume(&sdf) / x.len().max(1) as f64,
     };
     (x, volume0)
@@ -135,7 +136,7 @@ fn fill(problem: &Problem, scene: &Scene, body: &schema::Body, index: usize, sha
 /// Adds a body with v_p = v + (Ω + G)(x_p - c) and B_p = (Ω + G) D(x_p), c the centroid of its particles; velocities and deformations
 /// of a file are added to that.
 fn add_body(problem: &mut Problem, scene: &Scene, body: &schema::Body, index: usize, material: usize) {
-    let (d, dx, origin) = (problem.dimension, problem.dx, problem.origin);
+    let (d, dx, origin) = (problem.setup.dimension, problem.setup.dx, problem.setup.origin);
     let read = body.points.as_ref().and_then(|points| points.read.as_deref());
     let (x, volume0) = match (&body.shape, read) {
         (Some(shape), _) => fill(problem, scene, body, index, shape),
@@ -159,7 +160,7 @@ fn add_body(problem: &mut Problem, scene: &Scene, body: &schema::Body, index: us
             [velocity[0] + turn[0], velocity[1] + turn[1], velocity[2] + turn[2]]
         })
         .collect();
-    let (kernel, transfer) = (problem.kernel, problem.transfer);
+    let (kernel, transfer) = (problem.setup.kernel, problem.setup.transfer);
     let b: Vec<[f64; 9]> = x
         .par_iter()
         .map(|x| {
@@ -171,7 +172,7 @@ fn add_body(problem: &mut Problem, scene: &Scene, body: &schema::Body, index: us
         })
         .collect();
 
-    let material_law = &problem.materials[material];
+    let material_law = &problem.setup.materials[material];
     let particles = &mut problem.particles;
     let start = particles.len();
     match read.and_then(|read| read.f.as_ref()) {
@@ -183,7 +184,7 @@ fn add_body(problem: &mut Problem, scene: &Scene, body: &schema::Body, index: us
     particles.x.extend(x);
     particles.v.extend(v);
     particles.b.extend(b);
-    problem.bodies.push(Body {
+    problem.setup.bodies.push(Body {
         name: body.name.clone(),
         material,
         particles: start..particles.len(),

@@ -5,7 +5,7 @@ use crate::build::spin;
 use crate::schema::{self, Scene, Shape};
 use crate::validate::motion::grip_name;
 use gridfall_core::sim::collider::{Collider, Keyframe, Motion, Sdf};
-use gridfall_core::sim::problem::{Contact, ContactKind};
+use gridfall_core::sim::setup::{Contact, ContactKind};
 
 /// The scene's colliders, then the grips of its bodies, which have the last word.
 pub(crate) fn colliders(scene: &Scene) -> Vec<Collider> {

@@ -11,8 +11,8 @@ use super::layout::{Params, Status, Sweep, Touch};
 use super::pipelines::Pipelines;
 use super::shaders::Stage;
 use crate::contract::EngineError;
-use gridfall_core::sim::problem::Kernel;
 use gridfall_core::sim::reaction::WALLS;
+use gridfall_core::sim::setup::Kernel;
 
 /// Entries that a workgroup of a prefix sum takes.
 const SCAN_CHUNK: usize = 2048;

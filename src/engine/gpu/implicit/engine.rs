@@ -10,9 +10,9 @@ use crate::implicit::FARTHEST_DX;
 use crate::implicit::step::{MIN_DT_S, max_speed_m_s, next_dt_s};
 use gridfall_core::sim::divergence::{Suspect, likely_cause};
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{Axis, Problem};
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::settings::{CoarseSolve, Method};
+use gridfall_core::sim::setup::{Axis, Setup};
 
 /// Fewest cells along a periodic axis: no node may be its own neighbour's neighbour from both sides.
 const LEAST_PERIOD: usize = 8;
@@ -30,18 +30,18 @@ pub struct GpuImplicitEngine {
 }
 
 /// Whether the engine can run a problem at all; the reason if not.
-pub fn supports(problem: &Problem) -> Result<(), String> {
-    crate::gpu::supports(problem)?;
-    if problem.implicit.method != Method::Hot {
+pub fn supports(setup: &Setup) -> Result<(), String> {
+    crate::gpu::supports(setup)?;
+    if setup.implicit.method != Method::Hot {
         return Err("the GPU engine has the implicit method hot".into());
     }
-    if problem.implicit.coarse_solve != CoarseSolve::Fixed {
+    if setup.implicit.coarse_solve != CoarseSolve::Fixed {
         return Err("the GPU engine has the coarse solve fixed".into());
     }
-    if problem.materials.iter().any(|material| material.is_fluid()) {
+    if setup.materials.iter().any(|material| material.is_fluid()) {
         return Err("fluids are integrated explicitly".into());
     }
-    let short = |a: usize| problem.axes[a] == Axis::Periodic && problem.cells[a] < LEAST_PERIOD;
+    let short = |a: usize| setup.axes[a] == Axis::Periodic && setup.cells[a] < LEAST_PERIOD;
     if (0..3).any(short) {
         return Err(format!("the GPU's implicit engine needs {LEAST_PERIOD} cells along a periodic axis"));
     }
@@ -59,16 +59,16 @@ impl GpuImplicitEngine {
     /// Loads a problem at time 0. `reason` says why this device was chosen.
     ///
     /// Errors: unsupported scenes, capacity, a lost device.
-    pub fn new(gpu: Arc<Gpu>, problem: &Problem, reason: &str) -> Result<Self, EngineError> {
-        supports(problem).map_err(EngineError::Unsupported)?;
+    pub fn new(gpu: Arc<Gpu>, setup: &Setup, particles: Particles, reason: &str) -> Result<Self, EngineError> {
+        supports(setup).map_err(EngineError::Unsupported)?;
         Ok(Self {
             backend: gpu.backend(reason),
-            stepper: Stepper::new(gpu.clone(), problem)?,
-            minimiser: Minimiser::new(problem.kernel, problem.implicit),
+            stepper: Stepper::new(gpu.clone(), setup, &particles)?,
+            minimiser: Minimiser::new(setup.kernel, setup.implicit),
             gpu,
             time_s: 0.0,
             step: 0,
-            max_speed: max_speed_m_s(&problem.particles),
+            max_speed: max_speed_m_s(&particles),
         })
     }
 
@@ -107,7 +107,7 @@ impl GpuImplicitEngine {
             Some(id) => {
                 let (f, speed_m_s) = self.stepper.before(id)?;
                 let body = self.stepper.body(id);
-                let cause = likely_cause(&self.stepper.problem, &Suspect { body, f, speed_m_s });
+                let cause = likely_cause(&self.stepper.setup, &Suspect { body, f, speed_m_s });
                 let name = self.stepper.body_name(id);
                 format!(
                     "particle {id} (body \"{name}\") is no longer finite; likely cause, from the step's start: {cause}"
@@ -133,7 +133,7 @@ impl Engine for GpuImplicitEngine {
             return Ok(FrameStats::default());
         }
         let start_s = self.time_s;
-        let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.stepper.problem)];
+        let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.stepper.setup)];
         let mut solves = Vec::new();
         let mut gone_s = 0.0;
         let mut longest_s = f64::INFINITY;
@@ -142,7 +142,7 @@ impl Engine for GpuImplicitEngine {
                 return Err(EngineError::Canceled);
             }
             let remaining_s = frame_s - gone_s;
-            let dt = next_dt_s(&self.stepper.problem, self.max_speed, remaining_s).min(longest_s);
+            let dt = next_dt_s(&self.stepper.setup, self.max_speed, remaining_s).min(longest_s);
             match self.attempt(dt, longest_s.is_finite())? {
                 Attempt::Done(solve, taken) => {
                     reaction::add_all(&mut impulses, &taken);
@@ -163,9 +163,9 @@ impl Engine for GpuImplicitEngine {
         Ok(FrameStats { steps, dt_s: frame_s / steps as f64, isolated_reset: 0, reactions, solves })
     }
 
-    fn append(&mut self, particles: &Particles) -> Result<(), EngineError> {
-        self.max_speed = self.max_speed.max(max_speed_m_s(particles));
-        self.stepper.append(particles)
+    fn append(&mut self, particles: Particles) -> Result<(), EngineError> {
+        self.max_speed = self.max_speed.max(max_speed_m_s(&particles));
+        self.stepper.append(&particles)
     }
 
     fn snapshot(&mut self) -> Result<Particles, EngineError> {

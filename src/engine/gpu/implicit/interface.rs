@@ -5,7 +5,7 @@ use wgpu::{Buffer, BufferUsages, ComputePass};
 
 use super::super::device::Gpu;
 use crate::contract::EngineError;
-use gridfall_core::sim::problem::Kernel;
+use gridfall_core::sim::setup::Kernel;
 
 /// In [`System::columns`]: no neighbour there.
 pub const NO_NODE: u32 = u32::MAX;

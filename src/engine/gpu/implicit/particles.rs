@@ -60,7 +60,7 @@ impl Stepper {
     }
 
     pub fn body_name(&self, id: usize) -> &str {
-        &self.problem.bodies[self.body(id)].name
+        &self.setup.bodies[self.body(id)].name
     }
 
     /// F (row-major) and speed (m/s) of a particle at the step's start.

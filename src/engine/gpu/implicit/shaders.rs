@@ -1,6 +1,6 @@
 //! WGSL of the implicit step: an entry point is one file of `wgsl/implicit/` and the shared files that it uses, joined.
 
-use gridfall_core::sim::problem::Kernel;
+use gridfall_core::sim::setup::Kernel;
 
 macro_rules! wgsl {
     ($path:literal) => {

@@ -14,8 +14,8 @@ use crate::contract::EngineError;
 use gridfall_core::material::Law;
 use gridfall_core::sim::collider::Collider;
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{Material, Problem};
 use gridfall_core::sim::reaction::{self, Reaction};
+use gridfall_core::sim::setup::{Material, Setup};
 
 /// Lanes of a workgroup (`LANES` in the shaders).
 const LANES: usize = 64;
@@ -31,8 +31,7 @@ pub struct Stepper {
     pipelines: Arc<Pipelines>,
     pub(super) buffers: Buffers,
     pub(super) params: Params,
-    /// Without particles.
-    pub(super) problem: Problem,
+    pub(super) setup: Setup,
     pub(super) frame: Frame,
     /// Blocks that particles touch in this step.
     pub(super) blocks: usize,
@@ -57,38 +56,38 @@ pub struct Moved {
 
 impl Stepper {
     /// Loads a problem. Errors: capacity, a particle outside the domain, a lost device.
-    pub fn new(gpu: Arc<Gpu>, problem: &Problem) -> Result<Self, EngineError> {
-        let frame = Frame::new(problem);
-        let data = frame.data(&problem.particles)?;
-        let (sdf_ops, sdf_samples, colliders) = upload::colliders(problem);
+    pub fn new(gpu: Arc<Gpu>, setup: &Setup, particles: &Particles) -> Result<Self, EngineError> {
+        let frame = Frame::new(setup);
+        let data = frame.data(particles)?;
+        let (sdf_ops, sdf_samples, colliders) = upload::colliders(setup);
         let sizes = Sizes {
-            kernel: problem.kernel,
-            particles: problem.total_particles(),
+            kernel: setup.kernel,
+            particles: setup.total_particles(),
             channels: 12 + frame.channels,
             table: frame.table_len(),
             capacity: frame.active_blocks(&data.position) + 16,
-            bodies: problem.bodies.len(),
-            materials: problem.materials.len(),
+            bodies: setup.bodies.len(),
+            materials: setup.materials.len(),
             sdf_ops: sdf_ops.len(),
             sdf_samples: sdf_samples.len(),
             colliders: colliders.len(),
         };
-        let pipelines = Pipelines::of(&gpu, Variant::of(problem))?;
-        let system = System::new(&gpu, problem.kernel, 256)?;
+        let pipelines = Pipelines::of(&gpu, Variant::of(setup))?;
+        let system = System::new(&gpu, setup.kernel, 256)?;
         let buffers = Buffers::new(&gpu, &pipelines, sizes, system)?;
         let write = |name: &str, bytes: &[u8]| gpu.queue.write_buffer(buffers.get(name), 0, bytes);
-        let characteristic = |b: &gridfall_core::sim::problem::Body| {
-            Law::<f64>::new(&problem.materials[b.material]).characteristic::<3>() as f32
+        let characteristic = |b: &gridfall_core::sim::setup::Body| {
+            Law::<f64>::new(&setup.materials[b.material]).characteristic::<3>() as f32
         };
-        let characteristics: Vec<f32> = problem.bodies.iter().map(characteristic).collect();
-        write("bodies", bytemuck::cast_slice(&upload::bodies(problem)));
-        write("materials", bytemuck::cast_slice(&upload::materials(problem)));
+        let characteristics: Vec<f32> = setup.bodies.iter().map(characteristic).collect();
+        write("bodies", bytemuck::cast_slice(&upload::bodies(setup)));
+        write("materials", bytemuck::cast_slice(&upload::materials(setup)));
         write("characteristic", bytemuck::cast_slice(&characteristics));
         write("sdf_ops", bytemuck::cast_slice(&sdf_ops));
         write("sdf_samples", bytemuck::cast_slice(&sdf_samples));
         write("colliders", bytemuck::cast_slice(&colliders));
-        let densest = problem.bodies.iter().map(|b| b.mass / b.volume0).fold(0.0, f64::max);
-        let scene = frame.params(problem);
+        let densest = setup.bodies.iter().map(|b| b.mass / b.volume0).fold(0.0, f64::max);
+        let scene = frame.params(setup);
         let params = Params {
             blocks: scene.blocks,
             cells: scene.cells,
@@ -99,14 +98,12 @@ impl Stepper {
             colliders: scene.colliders,
             walls: scene.walls,
             room: sizes.particles as u32,
-            mass_floor: (LIGHTEST * densest * problem.dx.powi(3)) as f32,
+            mass_floor: (LIGHTEST * densest * setup.dx.powi(3)) as f32,
             ..Params::default()
         };
-        let frame_problem = Problem { particles: Particles::default(), ..problem.clone() };
         let mut stepper =
-            Self { gpu, pipelines, buffers, params, problem: frame_problem, frame, blocks: 0, separating: false };
-        stepper.frame.body_of.clear();
-        stepper.append(&problem.particles)?;
+            Self { gpu, pipelines, buffers, params, setup: setup.clone(), frame, blocks: 0, separating: false };
+        stepper.append(particles)?;
         Ok(stepper)
     }
 
@@ -180,8 +177,8 @@ impl Stepper {
         self.write_params();
         let separating = std::mem::offset_of!(Status, separating) as u64;
         self.gpu.queue.write_buffer(self.buffers.get("status"), separating, &[0; 4]);
-        let colliders = &self.problem.colliders;
-        let poses: Vec<_> = colliders.iter().map(|c| upload::pose(c, self.problem.origin, time_s)).collect();
+        let colliders = &self.setup.colliders;
+        let poses: Vec<_> = colliders.iter().map(|c| upload::pose(c, self.setup.origin, time_s)).collect();
         let sweeps: Vec<_> = colliders.iter().map(|c| sweep(c, time_s, dt)).collect();
         if !colliders.is_empty() {
             self.gpu.queue.write_buffer(self.buffers.get("poses"), 0, bytemuck::cast_slice(&poses));
@@ -210,7 +207,7 @@ impl Stepper {
                 self.sort();
             } else if status.rows > self.buffers.system.stride {
                 let room = status.rows + status.rows / 8;
-                let system = System::new(&self.gpu, self.problem.kernel, room)?;
+                let system = System::new(&self.gpu, self.setup.kernel, room)?;
                 self.buffers.replace_system(&self.gpu, &self.pipelines, system)?;
             } else {
                 break status;
@@ -227,7 +224,7 @@ impl Stepper {
             system.periodic[a] = self.params.periodic[a] != 0;
             (system.lowest[a], system.extent[a]) = (-self.params.pad[a], table);
         }
-        let slots = super::interface::slots(self.problem.kernel);
+        let slots = super::interface::slots(self.setup.kernel);
         self.pass(|pass| {
             self.dispatch(pass, Stage::Predict, self.blocks);
             pass.set_pipeline(&self.pipelines.stages[&Stage::Columns].pipeline);
@@ -256,7 +253,7 @@ impl Stepper {
 
     /// Starts from rest where free fall is a state that a material forbids; only neo-Hookean ones do.
     pub fn avoid_forbidden_start(&self) -> Result<(), EngineError> {
-        if !self.problem.materials.iter().any(|material| matches!(material, Material::NeoHookean(_))) {
+        if !self.setup.materials.iter().any(|material| matches!(material, Material::NeoHookean(_))) {
             return Ok(());
         }
         if self.energy()? < FORBIDDEN {
@@ -314,7 +311,7 @@ impl Stepper {
     fn impulses(&self) -> Result<Vec<Reaction>, EngineError> {
         let sums = self.buffers.sizes.reaction_sums();
         let values: Vec<f32> = read(&self.gpu, self.buffers.get("reactions"), self.blocks * sums)?;
-        let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.problem)];
+        let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.setup)];
         for block in values.chunks_exact(sums) {
             for (impulse, part) in impulses.iter_mut().zip(block.chunks_exact(6)) {
                 let [force, torque] = [0, 3].map(|k| [0, 1, 2].map(|a| f64::from(part[k + a])));

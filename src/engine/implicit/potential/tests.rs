@@ -10,8 +10,8 @@ use crate::implicit::solve;
 use crate::implicit::state::{BodySetup, setups};
 use crate::implicit::verbs::{difference, norm};
 use gridfall_core::maths::linalg::dot;
-use gridfall_core::sim::problem::Problem;
 use gridfall_core::sim::settings::{Implicit, Method};
+use gridfall_core::sim::setup::Problem;
 use gridfall_scene::{self as scene, Limits};
 
 const SEED: u64 = 20261122;
@@ -64,13 +64,13 @@ struct Step<const D: usize> {
 
 impl<const D: usize> Step<D> {
     fn new(problem: Problem) -> Self {
-        let bodies = setups::<D>(&problem);
-        let discretisation = Discretisation::new(&problem, &bodies, &problem.particles, 0.0, DT_S);
+        let bodies = setups::<D>(&problem.setup);
+        let discretisation = Discretisation::new(&problem.setup, &bodies, &problem.particles, 0.0, DT_S);
         Self { problem, bodies, discretisation }
     }
 
     fn potential(&self) -> Potential<'_, D> {
-        Potential::new(&self.problem, &self.bodies, &self.discretisation, &NoControl)
+        Potential::new(&self.problem.setup, &self.bodies, &self.discretisation, &NoControl)
     }
 }
 
@@ -149,7 +149,7 @@ fn differences<const D: usize>(problem: Problem, what: &str, random: &mut StdRng
 
 #[test]
 fn gradient_matrix_and_product_belong_to_the_energy() {
-    every_case(|problem, what, random| match problem.dimension {
+    every_case(|problem, what, random| match problem.setup.dimension {
         2 => differences::<2>(problem, what, random),
         _ => differences::<3>(problem, what, random),
     });
@@ -162,9 +162,9 @@ fn the_matrix_at_rest_is_the_derivative_of_the_gradient() {
         problem.particles.f.fill(gridfall_core::sim::particles::IDENTITY);
         problem.particles.v.fill([0.0; 3]);
         problem.particles.b.fill([0.0; 9]);
-        problem.gravity = [0.0; 3];
-        problem.colliders.clear();
-        match problem.dimension {
+        problem.setup.gravity = [0.0; 3];
+        problem.setup.colliders.clear();
+        match problem.setup.dimension {
             2 => derivative::<2>(problem, what, random),
             _ => derivative::<3>(problem, what, random),
         }

@@ -9,8 +9,8 @@ use super::smoother::{self, Smoothing};
 use crate::contract::EngineError;
 use crate::gpu::implicit::interface::{System, slots};
 use crate::gpu::readback::read;
-use gridfall_core::sim::problem;
 use gridfall_core::sim::settings::Implicit;
+use gridfall_core::sim::setup;
 
 /// Nodes below which no further level is worth making.
 const FEWEST_NODES: u32 = 16;
@@ -73,7 +73,7 @@ impl Hierarchy {
 
 /// Levels with their tables, coarse ones without room for nodes yet.
 fn tables(tools: Tools, system: &System, count: u32, spare: Vec<Level>) -> Result<Vec<Level>, EngineError> {
-    let grids = if system.kernel == problem::Kernel::Quadratic { 1 } else { 2 };
+    let grids = if system.kernel == setup::Kernel::Quadratic { 1 } else { 2 };
     let mut lattice = Lattice::of(system, grids);
     let mut spare = spare.into_iter();
     let mut levels = vec![match spare.next() {

@@ -7,7 +7,7 @@ use wgpu::{BindingResource, Buffer};
 
 use crate::contract::EngineError;
 use crate::gpu::device::Gpu;
-use gridfall_core::sim::problem;
+use gridfall_core::sim::setup;
 
 macro_rules! wgsl {
     ($name:literal) => {
@@ -78,9 +78,9 @@ kernels! {
 }
 
 /// The complete source of an entry point for a transfer kernel: quadratic, or else the compact pair.
-pub fn source(kernel: Kernel, transfer: problem::Kernel) -> String {
+pub fn source(kernel: Kernel, transfer: setup::Kernel) -> String {
     let stencil =
-        if transfer == problem::Kernel::Quadratic { wgsl!("stencil_quadratic") } else { wgsl!("stencil_compact") };
+        if transfer == setup::Kernel::Quadratic { wgsl!("stencil_quadratic") } else { wgsl!("stencil_compact") };
     let mut parts = vec![wgsl!("level"), stencil];
     parts.extend(kernel.parts());
     parts.join("\n")
@@ -88,12 +88,12 @@ pub fn source(kernel: Kernel, transfer: problem::Kernel) -> String {
 
 /// Compiled entry points for one transfer kernel; each when first used.
 pub struct Pipelines {
-    transfer: problem::Kernel,
+    transfer: setup::Kernel,
     compiled: Mutex<HashMap<Kernel, Arc<wgpu::ComputePipeline>>>,
 }
 
 impl Pipelines {
-    pub fn new(transfer: problem::Kernel) -> Self {
+    pub fn new(transfer: setup::Kernel) -> Self {
         Self { transfer, compiled: Mutex::default() }
     }
 

@@ -191,8 +191,8 @@ mod tests {
     use super::super::problem_tests::{Sample, distance, gpu, random, read_field, scene, write_field};
     use super::*;
     use crate::gpu::readback::read;
-    use gridfall_core::sim::problem::Kernel;
     use gridfall_core::sim::settings::Implicit;
+    use gridfall_core::sim::setup::Kernel;
 
     /// The recursion in f64 with the V-cycle's answer given, against the device's; and a wrong order of pairs must show.
     #[test]

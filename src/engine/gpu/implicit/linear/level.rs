@@ -7,7 +7,7 @@ use super::layout;
 use crate::contract::EngineError;
 use crate::gpu::device::Gpu;
 use crate::gpu::implicit::interface::{System, slots};
-use gridfall_core::sim::problem::Kernel;
+use gridfall_core::sim::setup::Kernel;
 
 /// Bytes between slots that are bound one at a time: the largest offset alignment of any device.
 pub const SLOT: u64 = 256;

@@ -9,8 +9,8 @@ use crate::gpu::device::Gpu;
 use crate::gpu::implicit::interface::{Evaluate, System};
 use crate::gpu::readback::read;
 use crate::implicit::lbfgs::outlived;
-use gridfall_core::sim::problem::Kernel;
 use gridfall_core::sim::settings::Implicit;
+use gridfall_core::sim::setup::Kernel;
 
 /// Tries of the line search that are recorded at once: nearly always the first does.
 const TRIES: u32 = 2;

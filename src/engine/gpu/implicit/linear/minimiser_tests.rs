@@ -7,8 +7,8 @@ use super::problem_tests::{KERNELS, Sample, gpu, read_field, scene, write_field}
 use crate::gpu::device::Gpu;
 use crate::gpu::implicit::interface::{Evaluate, System};
 use crate::gpu::readback::read;
-use gridfall_core::sim::problem::Kernel;
 use gridfall_core::sim::settings::{Implicit, Smoother};
+use gridfall_core::sim::setup::Kernel;
 
 macro_rules! wgsl {
     ($name:literal) => {

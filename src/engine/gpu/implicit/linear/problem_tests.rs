@@ -14,7 +14,7 @@ use crate::implicit::objective::{Field, Freedom, NodeId, Objective};
 use crate::implicit::potential::Potential;
 use crate::implicit::sparse::Bsr;
 use crate::implicit::state::setups;
-use gridfall_core::sim::problem::{Kernel, Problem};
+use gridfall_core::sim::setup::{Kernel, Problem};
 use gridfall_scene::{self as scene, Limits};
 
 pub const KERNELS: [Kernel; 2] = [Kernel::Quadratic, Kernel::Compact];
@@ -56,12 +56,12 @@ pub struct Sample {
 impl Sample {
     /// Of the step's potential at its start.
     pub fn new(problem: &Problem) -> Self {
-        let bodies = setups::<3>(problem);
-        let step = Discretisation::<3>::new(problem, &bodies, &problem.particles, 0.0, DT_S);
-        let potential = Potential::new(problem, &bodies, &step, &NoControl);
+        let bodies = setups::<3>(&problem.setup);
+        let step = Discretisation::<3>::new(&problem.setup, &bodies, &problem.particles, 0.0, DT_S);
+        let potential = Potential::new(&problem.setup, &bodies, &step, &NoControl);
         let start = potential.start();
         Self {
-            kernel: problem.kernel,
+            kernel: problem.setup.kernel,
             ids: potential.nodes().to_vec(),
             freedoms: potential.freedoms().to_vec(),
             period: potential.period(),

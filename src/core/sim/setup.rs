@@ -1,4 +1,4 @@
-//! A scene made ready to run: validated, sampled, in plain numbers.
+//! A scene made ready to run, in plain numbers: what stays the same during a run, and the particles at time 0.
 
 use rayon::prelude::*;
 
@@ -21,7 +21,7 @@ pub enum Axis {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Body {
     pub name: String,
-    /// Index into [`Problem::materials`].
+    /// Index into [`Setup::materials`].
     pub material: usize,
     /// Its particles at time 0; those of a source come later.
     pub particles: std::ops::Range<usize>,
@@ -34,6 +34,14 @@ pub struct Body {
 /// A scene made ready to run.
 #[derive(Clone, Debug)]
 pub struct Problem {
+    pub setup: Setup,
+    /// State at time 0.
+    pub particles: Particles,
+}
+
+/// What stays the same during a run. It has no particles, so that it is small and may be cloned.
+#[derive(Clone, Debug)]
+pub struct Setup {
     pub name: String,
     /// 2 or 3.
     pub dimension: usize,
@@ -48,8 +56,6 @@ pub struct Problem {
     pub bodies: Vec<Body>,
     pub sources: Vec<Source>,
     pub colliders: Vec<Collider>,
-    /// State at time 0.
-    pub particles: Particles,
     pub kernel: Kernel,
     pub transfer: Transfer,
     pub precision: Precision,
@@ -70,10 +76,15 @@ pub struct Problem {
     pub seed: u64,
 }
 
-impl Problem {
+impl Setup {
+    /// Particles at time 0.
+    pub fn initial_particles(&self) -> usize {
+        self.bodies.iter().map(|body| body.particles.len()).sum()
+    }
+
     /// Particles at the end of the run, with all that sources bring.
     pub fn total_particles(&self) -> usize {
-        self.particles.len() + self.sources.iter().map(Source::total).sum::<u64>() as usize
+        self.initial_particles() + self.sources.iter().map(Source::total).sum::<u64>() as usize
     }
 
     /// What a backend of this kind (`cpu` or `gpu`) computes in: the implicit integrator on the CPU knows f64 alone.
