@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::{Kernel, Material, Precision, Problem, Setup, Transfer};
 use gridfall_engine::explicit::cpu::{CpuEngine, Stages, stages};
-use gridfall_engine::gpu::{GridNode, Staged};
+use gridfall_engine::explicit::gpu::{GridNode, Staged};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 

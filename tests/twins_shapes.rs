@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use gridfall_core::sim::setup::{Precision, Problem, Setup};
 use gridfall_engine::explicit::cpu::stages;
-use gridfall_engine::gpu::Staged;
+use gridfall_engine::explicit::gpu::Staged;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};

@@ -10,7 +10,7 @@ use gridfall_core::sim::setup::{Kernel, Material, Precision, Problem};
 use gridfall_core::sim::timestep;
 use gridfall_engine::choice::Devices;
 use gridfall_engine::explicit::cpu::CpuEngine;
-use gridfall_engine::gpu::{GpuEngine, timing};
+use gridfall_engine::explicit::gpu::{GpuEngine, timing};
 use gridfall_engine::{Backend, Engine, EngineError, NoControl};
 use gridfall_recording::provenance;
 use gridfall_scene::{self as scene, Fault};

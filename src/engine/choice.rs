@@ -2,10 +2,12 @@
 
 use std::sync::Arc;
 
-use crate::contract::{Engine, EngineError};
+use super::contract::{Engine, EngineError};
+use super::implicit::ImplicitEngine;
 use crate::explicit::cpu::CpuEngine;
-use crate::gpu::{Gpu, GpuEngine, implicit, supports};
-use crate::implicit::ImplicitEngine;
+use crate::explicit::gpu::{GpuEngine, supports};
+use crate::gpu::Gpu;
+use crate::implicit::gpu as implicit;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::{Integrator, Setup};
 

@@ -5,7 +5,7 @@ use super::setup::Scheme;
 use gridfall_core::sim::setup::{Kernel, Precision, Problem, Transfer};
 use gridfall_engine::choice::Devices;
 use gridfall_engine::explicit::cpu::CpuEngine;
-use gridfall_engine::gpu::GpuEngine;
+use gridfall_engine::explicit::gpu::GpuEngine;
 use gridfall_engine::{Engine, EngineError};
 
 /// The engine that a case runs on.

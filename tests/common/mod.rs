@@ -3,7 +3,8 @@
 use std::sync::{Arc, OnceLock};
 
 use gridfall_core::sim::setup::Problem;
-use gridfall_engine::gpu::{Gpu, GpuEngine};
+use gridfall_engine::explicit::gpu::GpuEngine;
+use gridfall_engine::gpu::Gpu;
 use gridfall_scene as scene;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;

@@ -2,8 +2,8 @@
 
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Problem;
-use gridfall_engine::gpu::implicit::{GpuImplicitEngine, supports};
 use gridfall_engine::implicit::ImplicitEngine;
+use gridfall_engine::implicit::gpu::{GpuImplicitEngine, supports};
 use gridfall_engine::{Engine, FrameStats, NoControl};
 
 use super::common;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use gridfall_core::sim::setup::{Integrator, Problem};
+use gridfall_core::sim::setup::Integrator;
 use gridfall_engine::{Control, Engine};
 use gridfall_recording::run::Observer;
 use gridfall_scene::schema::Scene;

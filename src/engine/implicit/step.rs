@@ -8,6 +8,9 @@ use gridfall_core::sim::timestep::max_collider_speed_m_s;
 /// Shortest step (s).
 pub const MIN_DT_S: f64 = 1e-6;
 
+/// A step in which a particle goes farther (dx) is done again at half the length.
+pub const FARTHEST_DX: f64 = 1.0;
+
 /// Fastest particle (m/s).
 pub fn max_speed_m_s(particles: &Particles) -> f64 {
     particles.v.iter().map(|v| dot(v, v)).fold(0.0, f64::max).sqrt()
