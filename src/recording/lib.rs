@@ -7,6 +7,7 @@
 mod appearance;
 mod colliders;
 mod diagnostics;
+mod excerpt;
 mod palette;
 mod picture;
 mod points;
@@ -20,7 +21,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 pub use appearance::Appearance;
-pub use picture::{Camera, thumbnail};
+pub use picture::thumbnail;
 pub use recovery::{Snapshot, recover, snapshot};
 pub use writer::{Header, Severity, Writer};
 

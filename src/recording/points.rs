@@ -5,23 +5,24 @@ use foxglove::messages::{PackedElementField, PointCloud, Pose, Quaternion, Times
 use rayon::prelude::*;
 
 use super::appearance::Appearance;
+use super::excerpt::Excerpt;
 use super::palette::{Palette, to_srgb};
 use gridfall_core::material;
 use gridfall_core::sim::diagnostics::determinant;
-use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::{Field, Setup};
 
-/// Which particles are recorded and how a point is laid out; the same for all frames.
+/// Which particles of an excerpt are recorded and how a point is laid out; the same for all frames.
 pub struct Points {
-    /// Indices of the recorded particles, ascending; those that sources have yet to bring are left out until then.
-    pub selected: Vec<u32>,
+    /// Indices into excerpts, ascending.
+    selected: Vec<u32>,
     palette: Palette,
     layout: Vec<PackedElementField>,
     stride: usize,
 }
 
 impl Points {
-    pub fn new(setup: &Setup, appearance: &Appearance) -> Self {
+    /// `selected`: which particles of an excerpt.
+    pub fn new(setup: &Setup, appearance: &Appearance, selected: Vec<u32>) -> Self {
         let mut layout = Vec::new();
         let mut stride = 0;
         let mut add = |name: &str, kind: NumericType, size: u32| {
@@ -34,13 +35,12 @@ impl Points {
         }
         // Viewers take these four names for the points' colours without being told.
         ["red", "green", "blue", "alpha"].iter().for_each(|name| add(name, NumericType::Uint8, 1));
-        let selected = select(setup.total_particles(), setup.preview_points, setup.seed);
         Self { selected, palette: Palette::new(setup, appearance), stride: stride as usize, layout }
     }
 
     /// The frame's point cloud.
-    pub fn message(&self, setup: &Setup, particles: &Particles, timestamp: Timestamp) -> PointCloud {
-        let present = self.selected.partition_point(|&p| (p as usize) < particles.len());
+    pub fn message(&self, setup: &Setup, particles: &Excerpt, timestamp: Timestamp) -> PointCloud {
+        let present = particles.present(&self.selected);
         let mut data = vec![0u8; self.stride * present];
         data.par_chunks_mut(self.stride).zip(&self.selected).for_each(|(bytes, &p)| {
             self.write_point(setup, particles, p as usize, bytes);
@@ -58,7 +58,7 @@ impl Points {
         }
     }
 
-    fn write_point(&self, setup: &Setup, particles: &Particles, p: usize, bytes: &mut [u8]) {
+    fn write_point(&self, setup: &Setup, particles: &Excerpt, p: usize, bytes: &mut [u8]) {
         let (scalars, rgba) = bytes.split_at_mut(self.stride - 4);
         let v = particles.v[p];
         let fields = setup.fields.iter().flat_map(|field| match field {
@@ -86,7 +86,7 @@ fn names(field: Field) -> &'static [&'static str] {
     }
 }
 
-fn cauchy(setup: &Setup, particles: &Particles, p: usize) -> [f64; 9] {
+fn cauchy(setup: &Setup, particles: &Excerpt, p: usize) -> [f64; 9] {
     let body = &setup.bodies[particles.body[p] as usize];
     let material = &setup.materials[body.material];
     material::cauchy(material, setup.dimension, &particles.f[p], particles.plastic[p])
@@ -103,38 +103,9 @@ fn von_mises(s: &[f64; 9]) -> f64 {
     (1.5 * deviator).sqrt()
 }
 
-/// At most `limit` of `count` particles, the same ones in every frame: one from each of `limit` equal runs of the sampling
-/// order, at a hashed place in its run, because a fixed stride would show the sampling lattice as stripes.
-pub fn select(count: usize, limit: usize, seed: u64) -> Vec<u32> {
-    if count <= limit {
-        return (0..count as u32).collect();
-    }
-    let start = |k: usize| (k as u128 * count as u128 / limit as u128) as usize;
-    let pick = |k: usize| start(k) + (hash(seed ^ k as u64) as usize) % (start(k + 1) - start(k));
-    (0..limit).map(|k| pick(k) as u32).collect()
-}
-
-/// The finaliser of splitmix64 (Steele et al. 2014).
-fn hash(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn decimation_is_even_and_repeatable() {
-        let chosen = select(1_000, 300, 7);
-        assert_eq!(chosen, select(1_000, 300, 7));
-        assert_ne!(chosen, select(1_000, 300, 8));
-        assert_eq!(chosen.len(), 300);
-        assert!(chosen.windows(2).all(|pair| pair[0] < pair[1] && pair[1] - pair[0] <= 7));
-        assert_eq!(select(5, 300, 7), [0, 1, 2, 3, 4]);
-    }
 
     #[test]
     fn stress_measures_of_simple_states() {

@@ -8,9 +8,10 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::thread;
 
+use crate::excerpt::Excerpt;
+use crate::picture::thumbnail_selection;
 use crate::{self as recording, Appearance, Header, RecordingError, Severity, Writer};
-use gridfall_core::sim::diagnostics::{Row, SolverRow};
-use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::diagnostics::{Row, SolverRow, Totals};
 use gridfall_core::sim::setup::Setup;
 use gridfall_engine::{Control, Engine, EngineError, FrameStats, Solve};
 
@@ -93,7 +94,7 @@ pub fn run(
     observer: &dyn Observer,
 ) -> Result<Summary, RunError> {
     let mut keeper = Keeper::create(setup, appearance, engine, out, scene_json)?;
-    let outcome = keeper.simulate(engine, observer);
+    let outcome = keeper.simulate(engine, out, observer);
     let kept = keeper.finish(out, outcome.as_ref().err());
     outcome.and(kept)
 }
@@ -112,12 +113,59 @@ pub fn advance(
     engine.advance_frame(setup.frame_s, control)
 }
 
+/// What is kept of a frame: all that leaves the engine's thread.
+struct Frame {
+    row: Row,
+    solves: Vec<Solve>,
+    /// Of the writer's selection.
+    excerpt: Excerpt,
+    /// Of the picture's, in the last frame.
+    still: Option<Excerpt>,
+}
+
+/// Selections of particles, by index in sampling order.
+struct Wanted {
+    recorded: Vec<u32>,
+    /// In the last frame; empty without a picture.
+    still: Vec<u32>,
+}
+
+/// Parts in which a frame's particles leave the engine.
+const PARTS: usize = 16;
+
+impl Frame {
+    /// Measures the frame that the engine stands at and takes the excerpts that are wanted.
+    fn take(
+        setup: &Setup,
+        engine: &mut dyn Engine,
+        wanted: &Wanted,
+        frame: u64,
+        stats: FrameStats,
+    ) -> Result<Self, EngineError> {
+        let mut totals = Totals::default();
+        let mut excerpt = Excerpt::of(&wanted.recorded);
+        let last = frame == u64::from(setup.frames) && !wanted.still.is_empty();
+        let mut still = last.then(|| Excerpt::of(&wanted.still));
+        let part = (setup.total_particles() / PARTS).max(1 << 16).next_multiple_of(Totals::PART);
+        engine.visit(part, &mut |first, particles| {
+            totals.add(setup, &particles);
+            excerpt.take(&wanted.recorded, first, &particles);
+            if let Some(still) = &mut still {
+                still.take(&wanted.still, first, &particles);
+            }
+        })?;
+        let row = totals.row(setup, frame, frame as f64 * setup.frame_s, &stats);
+        Ok(Self { row, solves: stats.solves, excerpt, still })
+    }
+}
+
 /// Computes all frames and hands each over, until `take` refuses one.
 fn step(
     setup: &Setup,
     engine: &mut dyn Engine,
+    wanted: &Wanted,
     observer: &dyn Observer,
-    take: impl Fn((u64, Particles, FrameStats)) -> bool,
+    take: impl Fn(Frame) -> bool,
 ) -> Result<(), EngineError> {
     let mut stats = FrameStats::default();
     for frame in 0..=u64::from(setup.frames) {
@@ -127,7 +175,7 @@ fn step(
             }
             stats = advance(setup, engine, frame as u32 - 1, observer)?;
         }
-        if !take((frame, engine.snapshot()?, std::mem::take(&mut stats))) {
+        if !take(Frame::take(setup, engine, wanted, frame, std::mem::take(&mut stats))?) {
             break;
         }
     }
@@ -175,7 +223,8 @@ struct Keeper<'a> {
     csv: Option<Table>,
     solver: Option<Table>,
     summary: Summary,
-    last: Option<Particles>,
+    /// For the picture.
+    last: Option<Excerpt>,
 }
 
 impl<'a> Keeper<'a> {
@@ -200,19 +249,24 @@ impl<'a> Keeper<'a> {
         Ok(Self { setup, appearance, writer, csv, solver, summary: Summary::default(), last: None })
     }
 
-    /// Steps on this thread; measures and records each frame on another while the next one is computed.
-    fn simulate(&mut self, engine: &mut dyn Engine, observer: &dyn Observer) -> Result<Summary, RunError> {
+    /// Steps and measures on this thread; records each frame on another while the next one is computed.
+    fn simulate(
+        &mut self,
+        engine: &mut dyn Engine,
+        out: &Outputs,
+        observer: &dyn Observer,
+    ) -> Result<Summary, RunError> {
         let setup = self.setup;
-        // Without a buffer: two frames are in memory at most.
+        let still = if out.thumbnail.is_some() { thumbnail_selection(setup) } else { Vec::new() };
+        let wanted = Wanted { recorded: self.writer.wanted().to_vec(), still };
+        // Without a buffer: excerpts of two frames are in memory at most.
         let (sender, receiver) = mpsc::sync_channel(0);
         let keeper = &mut *self;
         let (stepped, kept) = thread::scope(|scope| {
             let keeping = scope.spawn(move || -> Result<(), RunError> {
-                receiver
-                    .into_iter()
-                    .try_for_each(|(frame, particles, stats)| keeper.keep(frame, particles, &stats, observer))
+                receiver.into_iter().try_for_each(|frame| keeper.keep(frame, observer))
             });
-            let stepped = step(setup, engine, observer, |frame| sender.send(frame).is_ok());
+            let stepped = step(setup, engine, &wanted, observer, |frame| sender.send(frame).is_ok());
             drop(sender);
             (stepped, keeping.join().unwrap_or_else(|panic| resume_unwind(panic)))
         });
@@ -221,41 +275,35 @@ impl<'a> Keeper<'a> {
         Ok(self.summary)
     }
 
-    /// Measures and records a frame.
-    fn keep(
-        &mut self,
-        frame: u64,
-        particles: Particles,
-        stats: &FrameStats,
-        observer: &dyn Observer,
-    ) -> Result<(), RunError> {
+    /// Records a frame.
+    fn keep(&mut self, frame: Frame, observer: &dyn Observer) -> Result<(), RunError> {
         self.last = None;
+        let Frame { row, solves, excerpt, still } = frame;
         let setup = self.setup;
-        let time_s = frame as f64 * setup.frame_s;
-        let row = Row::measure(setup, &particles, frame, time_s, stats);
-        if stats.isolated_reset > 0 {
-            let message = format!("{} particles were alone on their nodes and were reset", stats.isolated_reset);
+        if row.isolated_reset > 0 {
+            let message = format!("{} particles were alone on their nodes and were reset", row.isolated_reset);
             self.writer.log(Severity::Warning, message);
         }
-        if let Some(message) = unconverged(&stats.solves, setup.implicit.tolerance) {
+        if let Some(message) = unconverged(&solves, setup.implicit.tolerance) {
             self.writer.log(Severity::Warning, message);
         }
-        let steps = SolverRow::of_frame(frame, self.summary.steps, &stats.solves);
-        self.writer.frame(setup, &particles, &row, &steps)?;
+        let steps = SolverRow::of_frame(row.frame, self.summary.steps, &solves);
+        self.writer.frame(setup, &excerpt, &row, &steps)?;
         if let Some(table) = &mut self.csv {
             table.line(&row.csv())?;
         }
         if let Some(table) = &mut self.solver {
             steps.iter().try_for_each(|step| table.line(&step.csv()))?;
         }
-        self.last = Some(particles);
-        self.summary = Summary { frames_written: frame + 1, steps: self.summary.steps + stats.steps, time_s };
+        self.last = still.or(Some(excerpt));
+        let steps = self.summary.steps + row.steps;
+        self.summary = Summary { frames_written: row.frame + 1, steps, time_s: row.time_s };
         observer.frame(&FrameReport {
-            frame,
+            frame: row.frame,
             frames: setup.frames.into(),
-            time_s,
+            time_s: row.time_s,
             end_s: f64::from(setup.frames) * setup.frame_s,
-            steps: self.summary.steps,
+            steps,
             row: &row,
         });
         Ok(())

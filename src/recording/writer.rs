@@ -20,7 +20,7 @@ use super::{RecordingError, colliders, diagnostics, partial_path, publish};
 use crate::appearance::Appearance;
 use crate::provenance;
 use gridfall_core::sim::diagnostics::{Row, SolverRow};
-use gridfall_core::sim::particles::Particles;
+use crate::excerpt::{Excerpt, select, union};
 use gridfall_core::sim::setup::Setup;
 use gridfall_engine::Backend;
 
@@ -66,6 +66,8 @@ pub struct Writer {
     target: PathBuf,
     partial: PathBuf,
     channels: Channels,
+    /// Indices of the particles that frames are written with, ascending.
+    wanted: Vec<u32>,
     points: Points,
     camera: Camera,
     /// Sequence number and time (ns) of the frame that was written last.
@@ -84,8 +86,11 @@ impl Writer {
     pub fn create(target: &Path, header: &Header) -> Result<Self, RecordingError> {
         let partial = partial_path(target);
         let file = File::create(&partial).map_err(RecordingError::io("create", &partial))?;
-        let points = Points::new(header.setup, header.appearance);
-        let camera = Camera::film(header.setup, header.appearance);
+        let setup = header.setup;
+        let recorded = select(setup.total_particles(), setup.preview_points, setup.seed);
+        let (wanted, [in_points, in_film]) = union(&recorded, &Camera::film_selection(setup));
+        let points = Points::new(setup, header.appearance, in_points);
+        let camera = Camera::film(setup, header.appearance, in_film);
         let start = || -> Result<_, McapError> {
             // Without seeking the file only ever grows, so that its prefixes can be read while it is written.
             let options = WriteOptions::new()
@@ -101,7 +106,7 @@ impl Writer {
                 media_type: "application/json".into(),
                 data: Cow::Borrowed(header.scene_json.as_bytes()),
             })?;
-            for (name, metadata) in provenance_records(header, &points) {
+            for (name, metadata) in provenance_records(header, recorded.len()) {
                 mcap.write_metadata(&mcap::write::Metadata { name: name.into(), metadata })?;
             }
             let channels = add_channels(&mut mcap)?;
@@ -113,6 +118,7 @@ impl Writer {
                 target: target.to_owned(),
                 partial,
                 channels,
+                wanted,
                 points,
                 camera,
                 now: (0, 0),
@@ -123,6 +129,11 @@ impl Writer {
         }
     }
 
+    /// The selection whose excerpts [`Self::frame`] takes, ascending.
+    pub fn wanted(&self) -> &[u32] {
+        &self.wanted
+    }
+
     /// Adds a frame and the implicit steps that led to it. When this returns, the frame has been handed to the operating system and survives this process.
     ///
     /// # Errors
@@ -130,7 +141,7 @@ impl Writer {
     pub fn frame(
         &mut self,
         setup: &Setup,
-        particles: &Particles,
+        particles: &Excerpt,
         row: &Row,
         steps: &[SolverRow],
     ) -> Result<(), RecordingError> {
@@ -235,7 +246,7 @@ fn add_channels(mcap: &mut mcap::Writer<NoSeek<BufWriter<File>>>) -> Result<Chan
 }
 
 /// The metadata records `build`, `run` and `hardware`.
-fn provenance_records(header: &Header, points: &Points) -> [(&'static str, BTreeMap<String, String>); 3] {
+fn provenance_records(header: &Header, points: usize) -> [(&'static str, BTreeMap<String, String>); 3] {
     let Header { setup, scene_json, backend, .. } = header;
     let record = |pairs: &[(&str, String)]| pairs.iter().map(|(key, value)| (key.to_string(), value.clone())).collect();
     let hash: String = Sha256::digest(scene_json.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
@@ -255,8 +266,8 @@ fn provenance_records(header: &Header, points: &Points) -> [(&'static str, BTree
         ("frames", (u64::from(setup.frames) + 1).to_string()),
         ("frame_s", setup.frame_s.to_string()),
         ("particles", setup.total_particles().to_string()),
-        ("points", points.selected.len().to_string()),
-        ("decimation", (points.selected.len() as f64 / setup.total_particles().max(1) as f64).to_string()),
+        ("points", points.to_string()),
+        ("decimation", (points as f64 / setup.total_particles().max(1) as f64).to_string()),
     ]);
     let hardware = record(&[
         ("backend", backend.kind.clone()),

@@ -69,27 +69,63 @@ Row {
 }
 
 impl Row {
-    /// Measures a frame. Sums run in f64 in an order that depends on the particles alone, with compensation, so that the
-    /// result is the same for any number of threads and accurate to a few units in the last place.
-    ///
-    /// A particle stands for the velocity field v + C (x − x_p) weighted by its kernel. With B = Σ w v (x_i − x_p)ᵀ and
-    /// D = Σ w (x_i − x_p)(x_i − x_p)ᵀ, its angular momentum beyond x_p × v is L_k = ε_kij B_ji, and its kinetic energy
-    /// beyond ½ v² is ½ tr(B Cᵀ), C = B D⁻¹ (Jiang et al. 2015, "The affine particle-in-cell method", §5). PIC has neither.
+    /// Measures a frame whose particles are all at hand; [`Totals`] takes them in parts.
     pub fn measure(setup: &Setup, particles: &Particles, frame: u64, time_s: f64, stats: &FrameStats) -> Self {
+        let mut totals = Totals::default();
+        totals.add(setup, particles);
+        totals.row(setup, frame, time_s, stats)
+    }
+
+    /// The header line of the CSV, without line end. What would break a line in a collider's name is written `_`.
+    pub fn csv_header(setup: &Setup) -> String {
+        let surfaces = named_surfaces(setup);
+        let plain = |name: String| name.replace(|c: char| c.is_control() || c == ',' || c == '"', "_");
+        let dynamic = surfaces.iter().flat_map(Surface::columns).map(plain);
+        Self::COLUMNS.iter().map(|name| name.to_string()).chain(dynamic).collect::<Vec<_>>().join(",")
+    }
+
+    /// The row as a line of CSV, without line end. Numbers round-trip.
+    pub fn csv(&self) -> String {
+        let dynamic = self.reactions.iter().flat_map(|(surface, reaction)| surface.values(reaction).map(Value::Real));
+        self.values().into_iter().chain(dynamic).map(Value::csv).collect::<Vec<_>>().join(",")
+    }
+}
+
+/// What the particles of a frame add up to. They may come in parts.
+///
+/// Sums run in f64 in an order that depends on the particles alone, with compensation, so that the result is the same for any number of
+/// threads and accurate to a few units in the last place.
+///
+/// A particle stands for the velocity field v + C (x − x_p) weighted by its kernel. With B = Σ w v (x_i − x_p)ᵀ and
+/// D = Σ w (x_i − x_p)(x_i − x_p)ᵀ, its angular momentum beyond x_p × v is L_k = ε_kij B_ji, and its kinetic energy
+/// beyond ½ v² is ½ tr(B Cᵀ), C = B D⁻¹ (Jiang et al. 2015, "The affine particle-in-cell method", §5). PIC has neither.
+#[derive(Clone, Copy, Default)]
+pub struct Totals(Tally);
+
+impl Totals {
+    /// Parts of a multiple of so many particles have the sums of the whole, to the bit.
+    pub const PART: usize = 4096;
+
+    /// Adds the particles that come next in sampling order.
+    pub fn add(&mut self, setup: &Setup, particles: &Particles) {
         let partials: Vec<Tally> = (0..particles.len())
             .into_par_iter()
-            .chunks(CHUNK)
+            .chunks(Self::PART)
             .map(|chunk| {
                 let mut tally = Tally::default();
                 chunk.into_iter().for_each(|p| tally.add_particle(setup, particles, p));
                 tally
             })
             .collect();
-        let mut total = Tally::default();
-        partials.iter().for_each(|partial| total.merge(partial));
+        partials.iter().for_each(|partial| self.0.merge(partial));
+    }
+
+    /// The diagnostics of the frame.
+    pub fn row(&self, setup: &Setup, frame: u64, time_s: f64, stats: &FrameStats) -> Row {
+        let total = &self.0;
         let [mass_kg, px, py, pz, lx, ly, lz, kinetic_j, affine_j, strain_j, gravity_j] =
             total.sums.map(|sum| sum.value());
-        Self {
+        Row {
             frame,
             time_s,
             steps: stats.steps,
@@ -120,24 +156,7 @@ impl Row {
                 .collect(),
         }
     }
-
-    /// The header line of the CSV, without line end. What would break a line in a collider's name is written `_`.
-    pub fn csv_header(setup: &Setup) -> String {
-        let surfaces = named_surfaces(setup);
-        let plain = |name: String| name.replace(|c: char| c.is_control() || c == ',' || c == '"', "_");
-        let dynamic = surfaces.iter().flat_map(Surface::columns).map(plain);
-        Self::COLUMNS.iter().map(|name| name.to_string()).chain(dynamic).collect::<Vec<_>>().join(",")
-    }
-
-    /// The row as a line of CSV, without line end. Numbers round-trip.
-    pub fn csv(&self) -> String {
-        let dynamic = self.reactions.iter().flat_map(|(surface, reaction)| surface.values(reaction).map(Value::Real));
-        self.values().into_iter().chain(dynamic).map(Value::csv).collect::<Vec<_>>().join(",")
-    }
 }
-
-/// Particles summed in sequence by one task.
-const CHUNK: usize = 4096;
 
 /// Running sums and extremes.
 #[derive(Clone, Copy)]

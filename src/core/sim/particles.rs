@@ -25,14 +25,22 @@ impl Particles {
         self.x.len()
     }
 
-    /// Puts others behind these.
-    pub fn append(&mut self, mut others: Self) {
-        self.x.append(&mut others.x);
-        self.v.append(&mut others.v);
-        self.b.append(&mut others.b);
-        self.f.append(&mut others.f);
-        self.plastic.append(&mut others.plastic);
-        self.body.append(&mut others.body);
+    /// Puts others behind these; takes their memory where there are none.
+    pub fn append(&mut self, others: Self) {
+        fn put<T>(these: &mut Vec<T>, mut others: Vec<T>) {
+            if these.is_empty() {
+                *these = others;
+            } else {
+                these.reserve_exact(others.len());
+                these.append(&mut others);
+            }
+        }
+        put(&mut self.x, others.x);
+        put(&mut self.v, others.v);
+        put(&mut self.b, others.b);
+        put(&mut self.f, others.f);
+        put(&mut self.plastic, others.plastic);
+        put(&mut self.body, others.body);
     }
 
     pub fn is_empty(&self) -> bool {

@@ -12,8 +12,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::palette::{Palette, Rgb, to_srgb};
-use super::points::select;
-use gridfall_core::sim::particles::Particles;
+use super::excerpt::{Excerpt, select};
 use gridfall_core::sim::setup::Setup;
 use splat::Ball;
 use view::View;
@@ -38,30 +37,39 @@ struct Quality {
 const STILL: Quality = Quality { size: [960, 540], samples: 2, particles: 1_000_000, shadows: 1024 };
 const FILM: Quality = Quality { size: [480, 270], samples: 1, particles: 200_000, shadows: 384 };
 
-/// A picture of a frame as PNG, 960 × 540.
-pub fn thumbnail(setup: &Setup, appearance: &Appearance, particles: &Particles, time_s: f64) -> Vec<u8> {
-    Camera::new(setup, appearance, &STILL).render(setup, particles, time_s).png()
+/// The particles that a [`thumbnail`] shows.
+pub fn thumbnail_selection(setup: &Setup) -> Vec<u32> {
+    select(setup.total_particles(), STILL.particles, setup.seed)
+}
+
+/// A picture of a frame as PNG, 960 × 540: of all particles of an excerpt.
+pub fn thumbnail(setup: &Setup, appearance: &Appearance, particles: &Excerpt, time_s: f64) -> Vec<u8> {
+    let all = (0..particles.selected as u32).collect();
+    Camera::new(setup, appearance, &STILL, all).render(setup, particles, time_s).png()
 }
 
 /// A camera that stands still for a whole run.
 pub struct Camera {
     view: View,
     palette: Palette,
-    /// Particles that are drawn, and the factor by which they are larger because others are not.
+    /// Particles of an excerpt that are drawn, and the factor by which they are larger because others are not.
     selected: Vec<u32>,
     growth: f64,
 }
 
 impl Camera {
-    /// A camera for small pictures of all frames.
-    pub fn film(setup: &Setup, appearance: &Appearance) -> Self {
-        Self::new(setup, appearance, &FILM)
+    /// A camera for small pictures of all frames; `selected`: which particles of an excerpt.
+    pub fn film(setup: &Setup, appearance: &Appearance, selected: Vec<u32>) -> Self {
+        Self::new(setup, appearance, &FILM, selected)
     }
 
-    fn new(setup: &Setup, appearance: &Appearance, quality: &Quality) -> Self {
-        let count = setup.total_particles();
-        let selected = select(count, quality.particles, setup.seed);
-        let growth = (count as f64 / selected.len().max(1) as f64).powf(1.0 / setup.dimension as f64);
+    /// The particles that a film shows.
+    pub fn film_selection(setup: &Setup) -> Vec<u32> {
+        select(setup.total_particles(), FILM.particles, setup.seed)
+    }
+
+    fn new(setup: &Setup, appearance: &Appearance, quality: &Quality, selected: Vec<u32>) -> Self {
+        let growth = (setup.total_particles() as f64 / selected.len().max(1) as f64).powf(1.0 / setup.dimension as f64);
         Self {
             view: View::of(setup, appearance.focus, quality),
             palette: Palette::new(setup, appearance),
@@ -71,7 +79,7 @@ impl Camera {
     }
 
     /// Draws a frame.
-    pub fn render(&self, setup: &Setup, particles: &Particles, time_s: f64) -> Image {
+    pub fn render(&self, setup: &Setup, particles: &Excerpt, time_s: f64) -> Image {
         let balls = self.balls(setup, particles);
         let canvas = if setup.dimension == 2 {
             flat::draw(setup, &self.view, &balls, time_s)
@@ -81,7 +89,7 @@ impl Camera {
         canvas.reduced(self.view.samples)
     }
 
-    fn balls(&self, setup: &Setup, particles: &Particles) -> Vec<Ball> {
+    fn balls(&self, setup: &Setup, particles: &Excerpt) -> Vec<Ball> {
         let radii: Vec<f32> =
             setup.bodies.iter().map(|body| (self.growth * radius(setup, body.volume0)) as f32).collect();
         let ball = |&p: &u32| {
@@ -91,7 +99,7 @@ impl Camera {
             let color = self.palette.color(body, (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt());
             Ball { center: V3::from(particles.x[p].map(|c| c as f32)), radius: radii[body as usize], color, gloss }
         };
-        let present = self.selected.partition_point(|&p| (p as usize) < particles.len());
+        let present = particles.present(&self.selected);
         self.selected[..present].par_iter().map(ball).collect()
     }
 }

@@ -175,15 +175,14 @@ fn add_body(problem: &mut Problem, scene: &Scene, body: &schema::Body, index: us
     let material_law = &problem.setup.materials[material];
     let particles = &mut problem.particles;
     let start = particles.len();
-    match read.and_then(|read| read.f.as_ref()) {
-        Some(f) => particles.f.extend(f.iter().map(|f| deformation(*f, None, material_law, d))),
-        None => particles.f.resize(start + x.len(), deformation(given_deformation(body), body.j, material_law, d)),
-    }
-    particles.plastic.resize(start + x.len(), initial_plastic_state(material_law));
-    particles.body.resize(start + x.len(), index as u32);
-    particles.x.extend(x);
-    particles.v.extend(v);
-    particles.b.extend(b);
+    let (d, count) = (problem.setup.dimension, x.len());
+    let given = deformation(given_deformation(body), body.j, material_law, d);
+    let f = match read.and_then(|read| read.f.as_ref()) {
+        Some(f) => f.iter().map(|f| deformation(*f, None, material_law, d)).collect(),
+        None => vec![given; count],
+    };
+    let plastic = vec![initial_plastic_state(material_law); count];
+    particles.append(Particles { x, v, b, f, plastic, body: vec![index as u32; count] });
     problem.setup.bodies.push(Body {
         name: body.name.clone(),
         material,

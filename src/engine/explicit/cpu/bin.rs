@@ -52,58 +52,103 @@ pub fn home<T: Real, const D: usize>(
     (to, local)
 }
 
-/// Writes the state of the particle at an old place to a lane of a chunk.
-type Fill<'a, T, const D: usize> = &'a (dyn Fn(usize, &mut Chunk<T, D>, usize) + Sync);
+/// Parts in which blocks are built, so that old ones can be given up in between.
+const PARTS: usize = 16;
+
+/// The blocks of the last binning while their particles are moved out of them.
+struct Old<T, const D: usize> {
+    blocks: Vec<Block<T, D>>,
+    /// By chunk, counted through all blocks: its block, and its index there.
+    chunks: Vec<(u32, u32)>,
+    /// By block: particles that are still to be moved.
+    left: Vec<u32>,
+}
+
+impl<T: Real, const D: usize> Old<T, D> {
+    fn new(blocks: Vec<Block<T, D>>) -> Self {
+        let of_block = |(b, block): (usize, &Block<T, D>)| (0..block.chunks.len() as u32).map(move |k| (b as u32, k));
+        let chunks = blocks.iter().enumerate().flat_map(of_block).collect();
+        let count = |block: &Block<T, D>| block.chunks.iter().map(|chunk| chunk.count as u32).sum();
+        let left = blocks.iter().map(count).collect();
+        Self { blocks, chunks, left }
+    }
+
+    /// The block, chunk and lane of a place.
+    fn at(&self, at: usize) -> (&Block<T, D>, &Chunk<T, D>, usize) {
+        let (block, chunk) = self.chunks[at / LANES];
+        let block = &self.blocks[block as usize];
+        (block, &block.chunks[chunk as usize], at % LANES)
+    }
+
+    /// Gives up the blocks from which all particles have been moved.
+    fn moved(&mut self, places: &[Place]) {
+        for place in places {
+            let block = self.chunks[place.at as usize / LANES].0 as usize;
+            self.left[block] -= 1;
+            if self.left[block] == 0 {
+                self.blocks[block].chunks = Vec::new();
+            }
+        }
+    }
+}
 
 impl<T: Real, const D: usize> Solver<T, D> {
     /// Sorts particles into blocks by their positions and prepares the nodes of these blocks.
     pub fn bin(&mut self) {
         let (cell, period) = (self.constants.layout.cell, self.constants.period);
-        let old = std::mem::take(&mut self.chunks);
-        let corners: Vec<[i32; D]> = self.blocks.iter().map(|b| b.coordinates).collect();
-        let home = |at: usize| {
-            let (chunk, l) = (&old[at / LANES], at % LANES);
+        let old = Old::new(self.clear());
+        let home = |old: &Old<T, D>, at: usize| {
+            let (block, chunk, l) = old.at(at);
             let x = std::array::from_fn(|a| chunk.x[a][l]);
-            home::<T, D>(cell, &period, corners[chunk.block as usize], x)
+            home::<T, D>(cell, &period, block.coordinates, x)
         };
-        let used = (0..old.len() * LANES).into_par_iter().filter(|at| at % LANES < old[at / LANES].count);
-        let place = |at: usize| Place { block: pack(home(at).0), id: old[at / LANES].id[at % LANES], at: at as u32 };
+        let used = (0..old.chunks.len() * LANES).into_par_iter().filter(|&at| at % LANES < old.at(at).1.count);
+        let place = |at: usize| {
+            let (_, chunk, l) = old.at(at);
+            Place { block: pack(home(&old, at).0), id: chunk.id[l], at: at as u32 }
+        };
         let places: Vec<Place> = used.map(place).collect();
         let mut bodies = vec![0; places.len()];
-        for chunk in &old {
+        for chunk in old.blocks.iter().flat_map(|block| &block.chunks) {
             for &id in &chunk.id[..chunk.count] {
                 bodies[id as usize] = chunk.body;
             }
         }
-        self.place(places, &bodies, &|at, chunk, lane| {
-            chunk.copy_state(lane, &old[at / LANES], at % LANES);
-            let (_, local) = home(at);
+        let fill = |old: &Old<T, D>, at: usize, chunk: &mut Chunk<T, D>, lane: usize| {
+            let (_, from, l) = old.at(at);
+            chunk.copy_state(lane, from, l);
+            let (_, local) = home(old, at);
             for a in 0..D {
                 chunk.x[a][lane] = local[a];
             }
-        });
+        };
+        self.place(places, &bodies, old, fill, Old::moved);
     }
 
-    /// Builds blocks, chunks and node tables from places. `bodies` is by index in sampling order.
-    pub(super) fn place(&mut self, mut places: Vec<Place>, bodies: &[u32], fill: Fill<T, D>) {
+    /// Gives up all particles and nodes; returns the blocks.
+    pub(super) fn clear(&mut self) -> Vec<Block<T, D>> {
+        (self.tiles, self.grid) = (Vec::new(), Grid::default());
+        std::mem::take(&mut self.blocks)
+    }
+
+    /// Builds blocks, chunks and node tables from places. `bodies` is by index in sampling order. `fill` writes the state of the particle
+    /// at a place of `source` to a lane of a chunk; after a part of the places has been built, `source` is told.
+    pub(super) fn place<S: Sync>(
+        &mut self,
+        mut places: Vec<Place>,
+        bodies: &[u32],
+        mut source: S,
+        fill: impl Fn(&S, usize, &mut Chunk<T, D>, usize) + Sync,
+        built: impl Fn(&mut S, &[Place]),
+    ) {
         places.par_sort_unstable();
-        let same_chunk = |a: &Place, b: &Place| a.block == b.block && bodies[a.id as usize] == bodies[b.id as usize];
-        let mut runs: Vec<(u32, &[Place])> = Vec::new();
-        let mut blocks: Vec<Block<T, D>> = Vec::new();
-        for group in places.chunk_by(same_chunk) {
-            let coordinates = unpack(group[0].block);
-            if blocks.last().is_none_or(|b| b.coordinates != coordinates) {
-                let inside = self.inside(&coordinates);
-                blocks.push(Block { coordinates, chunks: runs.len()..runs.len(), inside });
-            }
-            let index = blocks.len() - 1;
-            runs.extend(group.chunks(LANES).map(|run| (index as u32, run)));
-            blocks[index].chunks.end = runs.len();
-        }
-        let build = |&(block, run): &(u32, &[Place])| {
-            let mut chunk = Chunk::empty(block, bodies[run[0].id as usize]);
+        let of_block: Vec<&[Place]> = places.chunk_by(|a, b| a.block == b.block).collect();
+        let body = |place: &Place| bodies[place.id as usize];
+        let chunk = |source: &S, run: &[Place]| {
+            let index = body(&run[0]);
+            let mut chunk = Chunk::empty(index, self.constants.bodies[index as usize].is_fluid());
             for (lane, place) in run.iter().enumerate() {
-                fill(place.at as usize, &mut chunk, lane);
+                fill(source, place.at as usize, &mut chunk, lane);
             }
             chunk.count = run.len();
             // The other lanes rest where a particle of the chunk is: inside the domain.
@@ -113,7 +158,21 @@ impl<T: Real, const D: usize> Solver<T, D> {
             }
             chunk
         };
-        self.chunks = runs.par_iter().map(build).collect();
+        let block = |source: &S, places: &[Place]| {
+            let coordinates = unpack(places[0].block);
+            let runs = places.chunk_by(|a, b| body(a) == body(b)).flat_map(|of_body| of_body.chunks(LANES));
+            let runs: Vec<&[Place]> = runs.collect();
+            let chunks = runs.into_iter().map(|run| chunk(source, run)).collect();
+            Block { coordinates, chunks, inside: self.inside(&coordinates) }
+        };
+        let mut blocks = Vec::with_capacity(of_block.len());
+        for part in of_block.chunks(of_block.len().div_ceil(PARTS).max(1)) {
+            blocks.par_extend(part.par_iter().map(|places| block(&source, places)));
+            part.iter().for_each(|places| built(&mut source, places));
+        }
+        drop(source);
+        drop(of_block);
+        drop(places);
         self.tiles = vec![[T::ZERO; 4]; blocks.len() * self.constants.layout.tile(D)];
         self.grid = Grid::new(&blocks, &self.constants.layout, &self.constants.period);
         self.blocks = blocks;

@@ -21,54 +21,95 @@ pub struct Chunk<T, const D: usize> {
     pub v: [Lanes<T>; D],
     /// B = ½ Σ_s Σ_i w v_i (x_i − x_p)ᵀ / dx (m/s).
     pub b: [[Lanes<T>; D]; D],
-    /// Deformation gradient; of a fluid only J, in the first entry.
-    pub f: [[Lanes<T>; D]; D],
-    /// Plastic state of the laws that have one.
-    pub plastic: Lanes<T>,
-    /// ∇v (1/s) of the last G2P, kept for a fluid's viscosity only.
-    pub grad_v: [[Lanes<T>; D]; D],
+    pub state: State<T, D>,
     /// Index in sampling order.
     pub id: Lanes<u32>,
     pub count: usize,
-    /// Index into the solver's blocks.
-    pub block: u32,
     pub body: u32,
 }
 
-impl<T: Real, const D: usize> Chunk<T, D> {
-    /// No particles; lanes at rest in the middle of the block.
-    pub fn empty(block: u32, body: u32) -> Self {
+/// What the law of a chunk's body knows of its particles' deformation.
+#[derive(Clone, Debug)]
+pub enum State<T, const D: usize> {
+    Solid {
+        /// Deformation gradient.
+        f: MatrixLanes<T, D>,
+        /// Plastic state of the laws that have one, else 0.
+        plastic: Lanes<T>,
+    },
+    Fluid {
+        /// Volume ratio.
+        j: Lanes<T>,
+        /// ∇v (1/s) of the last G2P, which viscosity acts with.
+        grad_v: MatrixLanes<T, D>,
+    },
+}
+
+impl<T: Real, const D: usize> State<T, D> {
+    /// At rest.
+    pub fn rest(fluid: bool) -> Self {
         let zero = [[[T::ZERO; LANES]; D]; D];
+        if fluid {
+            return Self::Fluid { j: [T::ONE; LANES], grad_v: zero };
+        }
         let mut f = zero;
         for a in 0..D {
             f[a][a] = [T::ONE; LANES];
         }
+        Self::Solid { f, plastic: [T::ZERO; LANES] }
+    }
+
+    /// Copies a particle's state from a chunk of the same body.
+    fn copy(&mut self, lane: usize, from: &Self, from_lane: usize) {
+        match (self, from) {
+            (Self::Solid { f, plastic }, Self::Solid { f: from, plastic: from_plastic }) => {
+                copy_matrix(f, lane, from, from_lane);
+                plastic[lane] = from_plastic[from_lane];
+            }
+            (Self::Fluid { j, grad_v }, Self::Fluid { j: from_j, grad_v: from }) => {
+                copy_matrix(grad_v, lane, from, from_lane);
+                j[lane] = from_j[from_lane];
+            }
+            _ => unreachable!("a body is a fluid or it is not"),
+        }
+    }
+}
+
+impl<T: Real, const D: usize> Chunk<T, D> {
+    /// No particles; lanes at rest in the middle of the block.
+    pub fn empty(body: u32, fluid: bool) -> Self {
         Self {
             x: [[T::TWO; LANES]; D],
-            v: zero[0],
-            b: zero,
-            f,
-            plastic: [T::ZERO; LANES],
-            grad_v: zero,
+            v: [[T::ZERO; LANES]; D],
+            b: [[[T::ZERO; LANES]; D]; D],
+            state: State::rest(fluid),
             id: [u32::MAX; LANES],
             count: 0,
-            block,
             body,
         }
     }
 
-    /// Copies everything but the position of a particle of another chunk.
+    /// Copies everything but the position of a particle of another chunk of the same body.
     pub fn copy_state(&mut self, lane: usize, from: &Self, from_lane: usize) {
         for i in 0..D {
             self.v[i][lane] = from.v[i][from_lane];
-            for k in 0..D {
-                self.b[i][k][lane] = from.b[i][k][from_lane];
-                self.f[i][k][lane] = from.f[i][k][from_lane];
-                self.grad_v[i][k][lane] = from.grad_v[i][k][from_lane];
-            }
         }
-        self.plastic[lane] = from.plastic[from_lane];
+        copy_matrix(&mut self.b, lane, &from.b, from_lane);
+        self.state.copy(lane, &from.state, from_lane);
         self.id[lane] = from.id[from_lane];
+    }
+}
+
+fn copy_matrix<T: Real, const D: usize>(
+    to: &mut MatrixLanes<T, D>,
+    lane: usize,
+    from: &MatrixLanes<T, D>,
+    from_lane: usize,
+) {
+    for i in 0..D {
+        for k in 0..D {
+            to[i][k][lane] = from[i][k][from_lane];
+        }
     }
 }
 

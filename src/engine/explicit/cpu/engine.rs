@@ -153,4 +153,12 @@ impl Engine for CpuEngine {
     fn snapshot(&mut self) -> Result<Particles, EngineError> {
         Ok(self.stages.particles())
     }
+
+    fn visit(&mut self, part: usize, take: &mut dyn FnMut(usize, Particles)) -> Result<(), EngineError> {
+        let count = self.stages.count();
+        for first in (0..count).step_by(part) {
+            take(first, self.stages.read(first..count.min(first + part)));
+        }
+        Ok(())
+    }
 }

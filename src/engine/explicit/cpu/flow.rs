@@ -2,7 +2,7 @@
 //!
 //! In: trial states of a chunk's particles, after F's update. Out: states on or inside the yield surface, and τ there. One thread a block.
 
-use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, matrix, set_matrix};
+use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, State, matrix, set_matrix};
 use gridfall_core::material::Law;
 use gridfall_core::maths::linalg::det;
 use gridfall_core::maths::real::Real;
@@ -26,8 +26,11 @@ widest! {
     /// Moves the particles of a chunk back to their yield surfaces; `tau` becomes their Kirchhoff stress (Pa). Returns the largest ratio of
     /// a particle's stiffness to that at rest. The chunk's law must work in principal space.
     pub fn flow[T: Real, const D: usize][T, D](law: &Law<T>, chunk: &mut Chunk<T, D>, tau: &mut MatrixLanes<T, D>) -> T {
-        let mut spectra = decompose(&chunk.f);
-        repair(&chunk.f, chunk.count, &mut spectra);
+        let State::Solid { f: deformation, plastic } = &mut chunk.state else {
+            unreachable!("fluids do not flow in principal space");
+        };
+        let mut spectra = decompose(deformation);
+        repair(deformation, chunk.count, &mut spectra);
         let Spectra { u, mut sigma, v } = spectra;
         let mut stress = sigma;
         let mut moved = [false; LANES];
@@ -37,13 +40,13 @@ widest! {
             for k in 0..D {
                 trial[k] = sigma[k][l];
             }
-            let flow = law.flow_principal(&trial, chunk.plastic[l]).expect("a law in principal space");
+            let flow = law.flow_principal(&trial, plastic[l]).expect("a law in principal space");
             for k in 0..D {
                 sigma[k][l] = flow.sigma[k];
                 stress[k][l] = flow.tau[k];
             }
             moved[l] = flow.moved;
-            chunk.plastic[l] = flow.plastic;
+            plastic[l] = flow.plastic;
             most = most.max(flow.stiffness);
         }
         for i in 0..D {
@@ -54,7 +57,7 @@ widest! {
                         f += u[i][k][l] * sigma[k][l] * v[j][k][l];
                         t += u[i][k][l] * stress[k][l] * u[j][k][l];
                     }
-                    chunk.f[i][j][l] = if moved[l] { f } else { chunk.f[i][j][l] };
+                    deformation[i][j][l] = if moved[l] { f } else { deformation[i][j][l] };
                     tau[i][j][l] = t;
                 }
             }
@@ -162,34 +165,36 @@ mod tests {
                 continue;
             }
             for round in 0..40 {
-                let mut chunk = Chunk::<f64, D>::empty(0, 0);
+                let mut chunk = Chunk::<f64, D>::empty(0, false);
                 chunk.count = 1 + round % LANES;
+                let State::Solid { f: lanes, plastic } = &mut chunk.state else { unreachable!() };
                 for l in 0..chunk.count {
                     let size = [0.0, 0.02, 0.3, 1.5][rng.random_range(0..4)];
                     for i in 0..D {
                         for k in 0..D {
-                            chunk.f[i][k][l] = f64::from(u8::from(i == k)) + rng.random_range(-1.0..1.0) * size;
+                            lanes[i][k][l] = f64::from(u8::from(i == k)) + rng.random_range(-1.0..1.0) * size;
                         }
                     }
-                    chunk.plastic[l] = gridfall_core::material::initial_plastic_state(&material);
+                    plastic[l] = gridfall_core::material::initial_plastic_state(&material);
                 }
-                let before = chunk.clone();
-                let mut tau = chunk.f;
+                let (before, plastic_before) = (*lanes, *plastic);
+                let mut tau = before;
                 let most = flow(&law, &mut chunk, &mut tau);
+                let State::Solid { f: lanes, plastic: plastic_after } = &chunk.state else { unreachable!() };
                 let mut expected_most = 0.0f64;
                 for l in 0..chunk.count {
-                    let (mut f, mut plastic): (Matrix<f64, D>, f64) = (matrix(&before.f, l), before.plastic[l]);
+                    let (mut f, mut plastic): (Matrix<f64, D>, f64) = (matrix(&before, l), plastic_before[l]);
                     law.return_map(&mut f, &mut plastic);
                     let (expected, stiffening) = law.kirchhoff(&f, plastic);
                     expected_most = expected_most.max(stiffening);
                     let modulus = law.stiffness_at_rest() * stiffening.max(1.0);
                     for i in 0..D {
                         for k in 0..D {
-                            assert!((chunk.f[i][k][l] - f[i][k]).abs() < 1e-11, "{material:?}: F = {f:?}");
+                            assert!((lanes[i][k][l] - f[i][k]).abs() < 1e-11, "{material:?}: F = {f:?}");
                             assert!((tau[i][k][l] - expected[i][k]).abs() < 1e-10 * modulus, "{material:?}: F = {f:?}");
                         }
                     }
-                    assert!((chunk.plastic[l] - plastic).abs() < 1e-11, "{material:?}: {plastic} at F = {f:?}");
+                    assert!((plastic_after[l] - plastic).abs() < 1e-11, "{material:?}: {plastic} at F = {f:?}");
                 }
                 assert!((most / expected_most - 1.0).abs() < 1e-9);
             }

@@ -4,10 +4,9 @@
 //! (APIC, PIC); F ← (I + dt ∇v) F, a fluid's J ← (1 + dt tr ∇v) J; x ← x + dt v. Single-grid kernels have no ½.
 //! In: node velocities of a tile. Out: particles of its block. One thread a block.
 
-use super::chunk::{Chunk, LANES, MatrixLanes, Stencils, matrix, set_matrix};
+use super::chunk::{Chunk, LANES, MatrixLanes, State, Stencils, matrix, set_matrix};
 use super::solver::Constants;
 use super::tile::{BLOCK, Node, SLACK, Walk, add_scaled, index, scale};
-use gridfall_core::material::Law;
 use gridfall_core::maths::linalg::{add_scaled as add_scaled_matrix, mul, trace};
 use gridfall_core::maths::real::Real;
 use gridfall_core::maths::widest::widest;
@@ -146,16 +145,19 @@ widest! {
         grad_v: &MatrixLanes<T, D>,
         inside: &[[T; 2]; D],
     ) -> Moves<T> {
-        if let Law::WeaklyCompressibleFluid(_) = constants.bodies[chunk.body as usize].law {
-            for l in 0..LANES {
-                chunk.f[0][0][l] *= T::ONE + dt * trace(&matrix(grad_v, l));
+        match &mut chunk.state {
+            State::Fluid { j, grad_v: kept } => {
+                for l in 0..LANES {
+                    j[l] *= T::ONE + dt * trace(&matrix(grad_v, l));
+                }
+                *kept = *grad_v;
             }
-            chunk.grad_v = *grad_v;
-        } else {
-            for l in 0..LANES {
-                let f = matrix(&chunk.f, l);
-                let change = mul(&matrix(grad_v, l), &f);
-                set_matrix(&mut chunk.f, l, &add_scaled_matrix(&f, dt, &change));
+            State::Solid { f: lanes, .. } => {
+                for l in 0..LANES {
+                    let f = matrix(lanes, l);
+                    let change = mul(&matrix(grad_v, l), &f);
+                    set_matrix(lanes, l, &add_scaled_matrix(&f, dt, &change));
+                }
             }
         }
 

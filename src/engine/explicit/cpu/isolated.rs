@@ -5,7 +5,7 @@
 //! The paper takes the skew part of C. Where D is not a multiple of I (compact kernel) that is not the rotation with the particle's angular
 //! momentum L_k = ε_kij B_ji (per mass); B = `[ω]` D has it for (tr D I − D) ω = L.
 
-use super::chunk::{Chunk, LANES, Lanes, Stencils, matrix, set_matrix};
+use super::chunk::{Chunk, LANES, Lanes, State, Stencils, matrix, set_matrix};
 use super::g2p::gather_lane;
 use super::solver::Constants;
 use super::tile::{MASS, Node};
@@ -42,8 +42,10 @@ pub fn reset<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: 
 ) {
     let stencils = Stencils::<T, D, G, W>::new::<K>(&chunk.x);
     for l in (0..LANES).filter(|&l| isolated[l]) {
-        // J in the first entry of a fluid's F is 1 at rest, too.
-        set_matrix(&mut chunk.f, l, &scaled_identity(T::ONE));
+        match &mut chunk.state {
+            State::Solid { f, .. } => set_matrix(f, l, &scaled_identity(T::ONE)),
+            State::Fluid { j, .. } => j[l] = T::ONE,
+        }
         if constants.affine {
             let d = stencils.times_moment(&scaled_identity(T::ONE), l);
             let spin = rotation_of(&matrix(&chunk.b, l), &d);

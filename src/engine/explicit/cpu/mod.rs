@@ -10,6 +10,7 @@ mod g2p;
 mod grid_update;
 mod interpolation;
 mod isolated;
+mod narrow;
 mod p2g;
 mod solver;
 mod stages;

@@ -3,7 +3,7 @@
 //! C = B D(x)⁻¹ at the particle's new position. Force: −V0 τ D⁻¹ (x_i − x_p) w (MLS) or −V0 τ ∇w (APIC, PIC).
 //! In: particles of a block. Out: its tile. One thread a block.
 
-use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, Stencils, matrix, set_matrix};
+use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, State, Stencils, matrix, set_matrix};
 use super::solver::Constants;
 use super::tile::{MASS, Node, Walk, add_scaled, index, scale};
 use gridfall_core::material::Law;
@@ -118,37 +118,38 @@ widest! {
     /// Kirchhoff stress τ (Pa) of the particles of a chunk. Returns the largest ratio of a particle's stiffness to that at rest.
     pub fn stress[T: Real, const D: usize][T, D](law: &Law<T>, chunk: &Chunk<T, D>, tau: &mut MatrixLanes<T, D>) -> T {
         let mut stiffening = [T::ONE; LANES];
-        match law {
-            Law::FixedCorotated(law) => {
-                let rotation = rotations(&chunk.f);
+        match (law, &chunk.state) {
+            (Law::FixedCorotated(law), State::Solid { f: lanes, .. }) => {
+                let rotation = rotations(lanes);
                 for l in 0..LANES {
-                    let f = matrix(&chunk.f, l);
+                    let f = matrix(lanes, l);
                     set_matrix(tau, l, &law.kirchhoff_with_rotation(&f, &matrix(&rotation, l)));
                     stiffening[l] = law.stiffness_at(&f);
                 }
             }
-            Law::NeoHookean(law) => {
+            (Law::NeoHookean(law), State::Solid { f: lanes, .. }) => {
                 for l in 0..LANES {
-                    let f = matrix(&chunk.f, l);
+                    let f = matrix(lanes, l);
                     set_matrix(tau, l, &law.kirchhoff(&f));
                     stiffening[l] = law.stiffness_at(&f);
                 }
             }
-            Law::WeaklyCompressibleFluid(fluid) => {
+            (Law::WeaklyCompressibleFluid(fluid), State::Fluid { j: lanes, grad_v }) => {
                 for l in 0..LANES {
-                    let j = chunk.f[0][0][l];
+                    let j = lanes[l];
                     let pressure = fluid.pressure(j);
-                    set_matrix(tau, l, &fluid.kirchhoff(j, pressure, &matrix(&chunk.grad_v, l)));
+                    set_matrix(tau, l, &fluid.kirchhoff(j, pressure, &matrix(grad_v, l)));
                     stiffening[l] = law.stiffness_at_rest() * fluid.stiffening(j, pressure);
                 }
             }
-            _ => {
+            (_, State::Solid { f, plastic }) => {
                 for l in 0..chunk.count {
-                    let (stress, ratio) = law.kirchhoff(&matrix(&chunk.f, l), chunk.plastic[l]);
+                    let (stress, ratio) = law.kirchhoff(&matrix(f, l), plastic[l]);
                     set_matrix(tau, l, &stress);
                     stiffening[l] = law.stiffness_at_rest() * ratio;
                 }
             }
+            (_, State::Fluid { .. }) => unreachable!("a fluid has a fluid's law"),
         }
         let most = stiffening[..chunk.count].iter().copied().fold(T::ZERO, T::max);
         most / law.stiffness_at_rest()

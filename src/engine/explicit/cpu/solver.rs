@@ -3,15 +3,16 @@
 use rayon::prelude::*;
 
 use super::bin::{self, Place};
-use super::chunk::{Chunk, MatrixLanes, matrix, set_matrix};
+use super::chunk::{Chunk, MatrixLanes, State, matrix};
 use super::flow;
 use super::g2p::{self, Moves};
 use super::grid_update::Grid;
 use super::interpolation::{Interpolation, interpolation};
+use super::narrow::Narrow;
 use super::p2g;
 use super::tile::{BLOCK, Layout, Node};
 use gridfall_core::material::Law;
-use gridfall_core::maths::linalg::{det, double_dot, from_row_major, scaled_identity, to_row_major};
+use gridfall_core::maths::linalg::{double_dot, scaled_identity, to_row_major};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::Reaction;
@@ -55,7 +56,7 @@ pub struct Constants<T, const D: usize> {
 pub struct Block<T, const D: usize> {
     /// Lowest cell / 4.
     pub coordinates: [i32; D],
-    pub chunks: std::ops::Range<usize>,
+    pub chunks: Vec<Chunk<T, D>>,
     /// Positions (dx, relative to the block) that are at most a cell outside the walls.
     pub inside: [[T; 2]; D],
 }
@@ -65,7 +66,6 @@ pub struct Solver<T, const D: usize> {
     pub(super) constants: Constants<T, D>,
     pub(super) setup: Setup,
     interpolation: Box<dyn Interpolation<T, D>>,
-    pub(super) chunks: Vec<Chunk<T, D>>,
     pub(super) blocks: Vec<Block<T, D>>,
     /// One tile a block, filled by P2G.
     pub(super) tiles: Vec<Node<T>>,
@@ -94,7 +94,6 @@ impl<T: Real, const D: usize> Solver<T, D> {
             constants,
             setup: setup.clone(),
             interpolation,
-            chunks: Vec::new(),
             blocks: Vec::new(),
             tiles: Vec::new(),
             grid: Grid::default(),
@@ -103,32 +102,21 @@ impl<T: Real, const D: usize> Solver<T, D> {
         solver
     }
 
-    /// Replaces all particle states, and bins.
+    /// Replaces all particle states, and bins. What `particles` holds is given up piece by piece, as soon as it is stored in the
+    /// solver's scalar: at no time are there two copies.
     pub fn load(&mut self, particles: Particles) {
         let (origin, dx) = (self.setup.origin, self.setup.dx);
-        let (cell, period, bodies) = (self.constants.layout.cell, self.constants.period, self.constants.bodies.clone());
-        let home = |i: usize| {
-            let x = std::array::from_fn(|a| (particles.x[i][a] - origin[a]) / dx);
+        let (cell, period) = (self.constants.layout.cell, self.constants.period);
+        self.clear();
+        let home = |x: &[f64; 3]| {
+            let x = std::array::from_fn(|a| (x[a] - origin[a]) / dx);
             bin::home::<f64, D>(cell, &period, [0; D], x)
         };
-        let place = |i: usize| Place { block: bin::pack(home(i).0), id: i as u32, at: i as u32 };
-        let places = (0..particles.len()).into_par_iter().map(place).collect();
-        self.place(places, &particles.body, &|i, chunk, lane| {
-            let (_, local) = home(i);
-            for a in 0..D {
-                chunk.x[a][lane] = T::from_f64(local[a]);
-                chunk.v[a][lane] = T::from_f64(particles.v[i][a]);
-            }
-            set_matrix(&mut chunk.b, lane, &from_row_major(&particles.b[i].map(|b| b / dx)));
-            let state = if bodies[particles.body[i] as usize].is_fluid() {
-                scaled_identity(T::from_f64(det(&from_row_major::<f64, 3>(&particles.f[i]))))
-            } else {
-                from_row_major(&particles.f[i])
-            };
-            set_matrix(&mut chunk.f, lane, &state);
-            chunk.plastic[lane] = T::from_f64(particles.plastic[i]);
-            chunk.id[lane] = i as u32;
-        });
+        let place = |(i, x): (usize, &[f64; 3])| Place { block: bin::pack(home(x).0), id: i as u32, at: i as u32 };
+        let places = particles.x.par_iter().enumerate().map(place).collect();
+        let mut states = Narrow::<T, D>::new(particles, &self.constants, |x| home(x).1, dx);
+        let body = std::mem::take(&mut states.body);
+        self.place(places, &body, states, Narrow::write, |_, _| {});
         self.start_frame();
     }
 
@@ -137,16 +125,25 @@ impl<T: Real, const D: usize> Solver<T, D> {
     pub fn start_frame(&mut self) {
         self.bin();
         let (constants, interpolation) = (&self.constants, &self.interpolation);
-        self.chunks.par_iter_mut().for_each(|chunk| {
-            if constants.affine && constants.bodies[chunk.body as usize].is_fluid() {
-                chunk.grad_v = interpolation.affine_rates(constants, chunk);
+        self.blocks.par_iter_mut().flat_map_iter(|block| &mut block.chunks).for_each(|chunk| {
+            let rates = || interpolation.affine_rates(constants, chunk);
+            if let (true, State::Fluid { .. }) = (constants.affine, &chunk.state) {
+                let rates = rates();
+                if let State::Fluid { grad_v, .. } = &mut chunk.state {
+                    *grad_v = rates;
+                }
             }
         });
     }
 
-    /// Full particle states in sampling order.
-    pub fn particles(&self) -> Particles {
-        let count: usize = self.chunks.iter().map(|chunk| chunk.count).sum();
+    /// Particles that there are.
+    pub fn count(&self) -> usize {
+        self.blocks.iter().flat_map(|block| &block.chunks).map(|chunk| chunk.count).sum()
+    }
+
+    /// Full states of the particles `ids`, in sampling order.
+    pub fn particles(&self, ids: std::ops::Range<usize>) -> Particles {
+        let count = ids.len();
         let mut p = Particles {
             x: vec![[0.0; 3]; count],
             v: vec![[0.0; 3]; count],
@@ -155,31 +152,35 @@ impl<T: Real, const D: usize> Solver<T, D> {
             plastic: vec![0.0; count],
             body: vec![0; count],
         };
-        for chunk in &self.chunks {
-            let corner = self.blocks[chunk.block as usize].coordinates;
-            let fluid = self.constants.bodies[chunk.body as usize].is_fluid();
-            for l in 0..chunk.count {
-                let id = chunk.id[l] as usize;
-                for a in 0..D {
-                    let mut x = (BLOCK * corner[a]) as f64 + chunk.x[a][l].to_f64();
-                    if let Some(period) = self.constants.period[a] {
-                        x = x.rem_euclid(period as f64);
-                    }
-                    p.x[id][a] = self.setup.origin[a] + self.setup.dx * x;
-                    p.v[id][a] = chunk.v[a][l].to_f64();
+        for block in &self.blocks {
+            for chunk in &block.chunks {
+                for l in (0..chunk.count).filter(|&l| ids.contains(&(chunk.id[l] as usize))) {
+                    self.read(block, chunk, l, &mut p, chunk.id[l] as usize - ids.start);
                 }
-                p.b[id] = to_row_major(&matrix(&chunk.b, l), 0.0).map(|b| b * self.setup.dx);
-                p.f[id] = if fluid {
-                    let stretch = chunk.f[0][0][l].to_f64().powf(1.0 / D as f64);
-                    to_row_major(&scaled_identity::<f64, D>(stretch), 1.0)
-                } else {
-                    to_row_major(&matrix(&chunk.f, l), 1.0)
-                };
-                p.plastic[id] = chunk.plastic[l].to_f64();
-                p.body[id] = chunk.body;
             }
         }
         p
+    }
+
+    /// Writes the state of a lane to entry `to` of `p`.
+    fn read(&self, block: &Block<T, D>, chunk: &Chunk<T, D>, l: usize, p: &mut Particles, to: usize) {
+        for a in 0..D {
+            let mut x = (BLOCK * block.coordinates[a]) as f64 + chunk.x[a][l].to_f64();
+            if let Some(period) = self.constants.period[a] {
+                x = x.rem_euclid(period as f64);
+            }
+            p.x[to][a] = self.setup.origin[a] + self.setup.dx * x;
+            p.v[to][a] = chunk.v[a][l].to_f64();
+        }
+        p.b[to] = to_row_major(&matrix(&chunk.b, l), 0.0).map(|b| b * self.setup.dx);
+        (p.f[to], p.plastic[to]) = match &chunk.state {
+            State::Solid { f, plastic } => (to_row_major(&matrix(f, l), 1.0), plastic[l].to_f64()),
+            State::Fluid { j, .. } => {
+                let stretch = j[l].to_f64().powf(1.0 / D as f64);
+                (to_row_major(&scaled_identity::<f64, D>(stretch), 1.0), 0.0)
+            }
+        };
+        p.body[to] = chunk.body;
     }
 
     /// What the particles ask of the coming steps; C = B D⁻¹.
@@ -198,7 +199,7 @@ impl<T: Real, const D: usize> Solver<T, D> {
             [speed, rate, demand].map(T::to_f64)
         };
         let max = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| a[k].max(b[k]));
-        let [speed, rate, demand_1_s2] = self.chunks.par_iter().map(of_chunk).reduce(|| [0.0; 3], max);
+        let [speed, rate, demand_1_s2] = self.blocks.par_iter().flat_map_iter(|block| &block.chunks).map(of_chunk).reduce(|| [0.0; 3], max);
         Extremes { speed_m_s: speed.sqrt(), affine_rate_1_s: rate.sqrt(), demand_1_s2 }
     }
 
@@ -227,15 +228,10 @@ impl<T: Real, const D: usize> Solver<T, D> {
         let (constants, interpolation, grid) = (&self.constants, &*self.interpolation, &self.grid);
         let dt = T::from_f64(dt_s);
         let tile_size = constants.layout.tile(D);
-        let mut rest = self.chunks.as_mut_slice();
-        let mut work = Vec::with_capacity(self.blocks.len());
-        for (block, tile) in self.blocks.iter().zip(self.tiles.chunks_exact_mut(tile_size)) {
-            let (chunks, after) = rest.split_at_mut(block.chunks.len());
-            rest = after;
-            work.push((block, chunks, tile));
-        }
+        let work: Vec<BlockWork<T, D>> =
+            self.blocks.iter_mut().zip(self.tiles.chunks_exact_mut(tile_size)).collect();
         // One thread a block; a block's particles go to its own tile.
-        let step = |velocities: &mut Vec<Node<T>>, (index, (block, chunks, tile)): (usize, BlockWork<T, D>)| {
+        let step = |velocities: &mut Vec<Node<T>>, (index, (block, tile)): (usize, BlockWork<T, D>)| {
             if g2p {
                 grid.load_tile(index, velocities);
             }
@@ -243,8 +239,8 @@ impl<T: Real, const D: usize> Solver<T, D> {
                 tile.fill([T::ZERO; 4]);
             }
             let mut moves = Moves::default();
-            let mut scratch: MatrixLanes<T, D> = chunks[0].b;
-            for chunk in chunks {
+            let mut scratch: MatrixLanes<T, D> = block.chunks[0].b;
+            for chunk in &mut block.chunks {
                 let body = &constants.bodies[chunk.body as usize];
                 let mut flowed = None;
                 if g2p {
@@ -272,4 +268,4 @@ impl<T: Real, const D: usize> Solver<T, D> {
     }
 }
 
-type BlockWork<'a, T, const D: usize> = (&'a Block<T, D>, &'a mut [Chunk<T, D>], &'a mut [Node<T>]);
+type BlockWork<'a, T, const D: usize> = (&'a mut Block<T, D>, &'a mut [Node<T>]);

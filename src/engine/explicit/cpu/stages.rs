@@ -1,5 +1,7 @@
 //! A solver without its type parameters, and the choice of one for a problem.
 
+use std::ops::Range;
+
 use super::g2p::Moves;
 use super::grid_update::NodeState;
 use super::solver::Solver;
@@ -46,8 +48,14 @@ pub trait Stages: Send {
     fn g2p(&mut self, dt_s: f64) -> Moved;
     /// `g2p`, then `p2g` for a next step of the same length, unless particles strayed.
     fn g2p2g(&mut self, dt_s: f64) -> Moved;
-    /// Full particle states in sampling order.
-    fn particles(&self) -> Particles;
+    /// Particles that there are.
+    fn count(&self) -> usize;
+    /// Full states of some particles, in sampling order.
+    fn read(&self, ids: Range<usize>) -> Particles;
+    /// Full states of all particles, in sampling order.
+    fn particles(&self) -> Particles {
+        self.read(0..self.count())
+    }
     /// All nodes with mass, after `p2g`.
     fn nodes(&self) -> Vec<NodeState>;
     /// What the particles ask of the coming steps.
@@ -76,8 +84,11 @@ impl<T: Real, const D: usize> Stages for Solver<T, D> {
     fn g2p2g(&mut self, dt_s: f64) -> Moved {
         Solver::g2p2g(self, dt_s).into()
     }
-    fn particles(&self) -> Particles {
-        Solver::particles(self)
+    fn count(&self) -> usize {
+        Solver::count(self)
+    }
+    fn read(&self, ids: Range<usize>) -> Particles {
+        Solver::particles(self, ids)
     }
     fn nodes(&self) -> Vec<NodeState> {
         self.grid.nodes(&self.tiles)
