@@ -9,3 +9,4 @@ mod prescribed;
 mod problems;
 mod reactions;
 mod streams;
+mod verify;

@@ -1,6 +1,6 @@
 //! The OpenAPI document is what the server does.
 
-use crate::support::Server;
+use super::support::Server;
 use serde_json::Value;
 
 #[test]

@@ -1,11 +1,11 @@
 //! `gridfall verify --quick`, as a test: every case on the CPU, and one on the software GPU.
 
-use gridfall::verify::{self, CASES, Extent, Target};
+use gridfall::verify::{self as cases, CASES, Extent, Target};
 use gridfall_engine::choice::{Choice, Devices};
 
 fn passes(name: &str, devices: &Devices, target: Target) {
     let case = CASES.iter().find(|case| case.name == name).unwrap();
-    let outcome = verify::run(case, devices, &[target], Extent::Quick, &|line| println!("{line}"));
+    let outcome = cases::run(case, devices, &[target], Extent::Quick, &|line| println!("{line}"));
     assert!(!outcome.rows.is_empty(), "{name} reports nothing");
     let failed: Vec<_> = outcome.rows.iter().filter(|row| !row.pass).collect();
     assert!(failed.is_empty(), "{failed:#?}");

@@ -2,8 +2,8 @@
 
 use serde_json::json;
 
-use crate::lifecycle::frames_of;
-use crate::support::{Server, endless, short};
+use super::lifecycle::frames_of;
+use super::support::{Server, endless, short};
 
 #[test]
 fn a_finished_recording_is_served_by_ranges() {

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use serde_json::{Value, json};
 
-use crate::support::{Server, endless, scene, short};
+use super::support::{Server, endless, scene, short};
 
 /// Long enough to be caught in the middle.
 fn medium() -> Value {
@@ -72,7 +72,7 @@ fn overrides_change_the_scene_and_a_repeated_request_makes_one_job() {
 fn the_example_request_runs() {
     let dir = tempfile::tempdir().unwrap();
     let server = Server::start(dir.path());
-    let body = include_str!("../../api/examples/submit-job.json");
+    let body = include_str!("../../../api/examples/submit-job.json");
     let answer = server.call("POST", "/v1/jobs", &[("content-type", "application/json")], body);
     assert_eq!((answer.status, &answer.json()["name"]), (202, &json!("my first job")));
     server.wait_for(answer.header("location"), "succeeded");

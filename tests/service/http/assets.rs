@@ -1,6 +1,6 @@
 //! Assets: uploads by content, and scenes that name them.
 
-use crate::support::{self, Server};
+use super::support::{self, Server};
 use serde_json::{Value, json};
 
 /// A closed box as an OBJ.

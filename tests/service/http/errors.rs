@@ -1,6 +1,6 @@
 //! Every error of the API is a problem with a stable code, whoever found it.
 
-use crate::support::{self, Server};
+use super::support::{self, Server};
 use serde_json::{Value, json};
 
 const JSON: (&str, &str) = ("content-type", "application/json");
