@@ -7,19 +7,14 @@ use gridfall_core::sim::cost::{self, Prediction};
 use gridfall_core::sim::problem::{Axis, Integrator, Kernel, Material, Problem};
 use gridfall_core::sim::timestep::Bound;
 
-/// Host memory a particle (bytes): its state in the problem, in the CPU engine while it is binned anew, and in a snapshot.
-pub(crate) const HOST_BYTES_PER_PARTICLE: u64 = 1024;
-/// Host memory a particle (bytes) of the implicit integrator's matrices at 8 particles a cell: two nodes a cell at a body's size, 125 blocks of
-/// 9 f64 a node, and the coarser levels.
-const MATRIX_BYTES_PER_PARTICLE: u64 = 3072;
+use crate::memory::{MATRIX_BYTES_PER_PARTICLE, TABLE_BYTES_PER_BLOCK, memory_bytes};
+
 /// Device memory a particle (bytes) without its deformation: two positions, binning, the frame's positions and velocities.
 const DEVICE_BYTES_PER_PARTICLE: u64 = 112;
 /// Copies of the deformation on the device.
 const DEFORMATION_COPIES: u64 = 3;
 /// Cells of a block of the sparse grid.
 const BLOCK_CELLS: u64 = 64;
-/// Both sides of the dense block table on the device (bytes a block).
-const TABLE_BYTES_PER_BLOCK: u64 = 8;
 /// Two grid buffers of four channels in f32 (bytes a node).
 const NODE_BYTES: u64 = 32;
 
@@ -129,15 +124,6 @@ pub fn estimate(problem: &Problem) -> Estimate {
         particle_steps: chosen.particle_steps,
         simulated_s: f64::from(problem.frames) * problem.frame_s,
     }
-}
-
-/// Host memory (bytes) of a run with so many particles on so large a grid; known before anything is allocated.
-pub(crate) fn memory_bytes(particles: u64, cells: [u64; 3], integrator: Integrator) -> u64 {
-    let blocks = cells.iter().fold(1u64, |n, cells| n.saturating_mul(cells.div_ceil(4)));
-    let matrices = if integrator == Integrator::Implicit { MATRIX_BYTES_PER_PARTICLE } else { 0 };
-    particles
-        .saturating_mul(HOST_BYTES_PER_PARTICLE + matrices)
-        .saturating_add(blocks.saturating_mul(TABLE_BYTES_PER_BLOCK))
 }
 
 fn device_memory_bytes(problem: &Problem, blocks: u64) -> Option<u64> {

@@ -1,57 +1,24 @@
 //! A valid scene to a [`Problem`]: grid, contacts, sampled bodies with their initial state, colliders.
 
 mod motion;
-pub mod solid;
-pub mod sources;
 
 use rayon::prelude::*;
 
-use crate::build::motion::colliders;
-use crate::build::solid::{sdf, vector3};
-use crate::sampling::Lattice;
-use crate::schema::{self, Boundary, ContactKind, Material, Sampling, Scene, Shape, Transfer};
+use crate::grid::{cells, frames, lattice, particles_per_axis, particles_per_cell, stream};
+use crate::resolve::Resolved;
+use crate::schema::{self, Boundary, ContactKind, Material, Sampling, Scene, Transfer};
+use crate::shape;
+use crate::vectors::{determinant, matrix3, spin, vector3};
 use gridfall_core::material::initial_plastic_state;
 use gridfall_core::sim::collider::{Sdf, rotate};
 use gridfall_core::sim::cost;
 use gridfall_core::sim::moments::moment_matrix;
 use gridfall_core::sim::particles::{IDENTITY, Particles};
 use gridfall_core::sim::problem::{Axis, Body, Contact, Problem};
+use motion::colliders;
 
-/// Cells on each axis, unrounded; 1 on z in 2D.
-pub(crate) fn cells(domain: &schema::Domain, dimension: usize) -> [f64; 3] {
-    std::array::from_fn(|a| if a < dimension { (domain.max[a] - domain.min[a]) / domain.dx } else { 1.0 })
-}
-
-/// Particles per cell of a body, and how many that is along an axis: a whole number on a lattice, any for other points; none
-/// if the body's sampling cannot have so many.
-pub(crate) fn particles_per_cell(body: &schema::Body, dimension: usize) -> (u32, Option<f64>) {
-    let per_cell = body.particles_per_cell.unwrap_or(1 << dimension);
-    let root = f64::from(per_cell).powf(1.0 / dimension as f64);
-    let whole = root.round() as u32;
-    let per_axis = match whole.checked_pow(dimension as u32) == Some(per_cell) {
-        true => f64::from(whole),
-        false => root,
-    };
-    let fits = per_axis == f64::from(whole) || body.sampling == Sampling::PoissonDisk || body.shape.is_none();
-    (per_cell, (per_cell > 0 && fits).then_some(per_axis))
-}
-
-/// The lattice over a body's bounds; where the body is unbounded, up to the domain's walls.
-pub(crate) fn lattice(domain: &schema::Domain, per_axis: f64, sdf: &Sdf, dimension: usize) -> Lattice {
-    let [mut lower, mut upper] = sdf.bounds();
-    for a in 0..dimension {
-        if lower[a] == f64::NEG_INFINITY {
-            lower[a] = domain.min[a];
-        }
-        if upper[a] == f64::INFINITY {
-            upper[a] = domain.max[a];
-        }
-    }
-    Lattice::over(vector3(&domain.min), domain.dx / per_axis, dimension, [lower, upper])
-}
-
-/// Builds the problem. The scene must be valid.
-pub(crate) fn build(scene: &Scene) -> Problem {
+/// Builds the problem. The scene must be valid, and `resolved` what it resolves to.
+pub(crate) fn build(scene: &Scene, resolved: &Resolved) -> Problem {
     let dimension = scene.dimension as usize;
     let materials: Vec<&String> = scene.materials.keys().collect();
     let mut problem = Problem {
@@ -65,7 +32,7 @@ pub(crate) fn build(scene: &Scene) -> Problem {
         materials: scene.materials.values().cloned().collect(),
         bodies: Vec::new(),
         sources: Vec::new(),
-        colliders: colliders(scene),
+        colliders: colliders(scene, &resolved.fields),
         particles: Particles::default(),
         kernel: scene.solver.kernel,
         transfer: scene.solver.transfer,
@@ -75,7 +42,7 @@ pub(crate) fn build(scene: &Scene) -> Problem {
         integrator: scene.solver.integrator,
         integrator_reason: String::new(),
         implicit: scene.solver.implicit,
-        frames: sources::frames(scene),
+        frames: frames(scene),
         frame_s: 1.0 / scene.time.frame_rate,
         fields: scene.output.fields.clone(),
         preview_points: scene.output.preview_points as usize,
@@ -83,10 +50,12 @@ pub(crate) fn build(scene: &Scene) -> Problem {
     };
     let material = |name: &str| materials.iter().position(|known| *known == name).expect("a valid scene");
     for (index, body) in scene.bodies.iter().enumerate() {
-        add_body(&mut problem, scene, body, index, material(&body.material));
+        add_body(&mut problem, scene, resolved, index, material(&body.material));
     }
-    for source in &scene.sources {
-        let built = sources::build(scene, source, problem.bodies.len());
+    for (n, source) in scene.sources.iter().enumerate() {
+        let sdf = shape::sdf(&source.shape, &format!("/sources/{n}/shape"), &resolved.fields, dimension);
+        let mut built = stream(scene, source, sdf, problem.bodies.len());
+        built.by_frame = (0..frames(scene)).map(|frame| built.entering(frame).count() as u64).collect();
         let material = material(&source.material);
         let (volume0, none) = (built.spacing.powi(dimension as i32), problem.particles.len());
         let mass = problem.materials[material].density() * volume0;
@@ -112,35 +81,34 @@ fn axis(domain: &schema::Domain, a: usize, dimension: usize) -> Axis {
     Axis::Walls([wall("-"), wall("+")])
 }
 
-/// Angular velocity as three components; one component turns about z.
-pub(crate) fn spin(w: &[f64]) -> [f64; 3] {
-    if let [w] = w { [0.0, 0.0, *w] } else { vector3(w) }
-}
-
-/// Samples a shape: positions, and the volume of one particle (m^d).
-fn fill(problem: &Problem, scene: &Scene, body: &schema::Body, index: usize, shape: &Shape) -> (Vec<[f64; 3]>, f64) {
-    let d = problem.dimension;
-    let (per_cell, per_axis) = particles_per_cell(body, d);
-    let per_axis = per_axis.expect("a valid scene");
-    let sdf = sdf(shape, d);
-    let points = |per_axis: f64| lattice(&scene.domain, per_axis, &sdf, d).clipped(problem.cells, per_axis);
-    let x = points(per_axis).sample(&sdf, body.sampling, scene.seed, index as u64);
+/// Samples the shape `sdf` of body number `index`: positions, and the volume of one particle (m^d).
+fn fill(problem: &Problem, scene: &Scene, index: usize, sdf: &Sdf) -> (Vec<[f64; 3]>, f64) {
+    let (d, body) = (problem.dimension, &scene.bodies[index]);
+    let per_cell = particles_per_cell(body.particles_per_cell, d);
+    let per_axis = particles_per_axis(body, d).expect("a valid scene");
+    let points = |per_axis: f64| lattice(&scene.domain, per_axis, sdf, d).clipped(problem.cells, per_axis);
+    let x = points(per_axis).sample(sdf, body.sampling, scene.seed, index as u64);
     let volume0 = match body.sampling {
         Sampling::Regular | Sampling::Jittered => problem.dx.powi(d as i32) / f64::from(per_cell),
-        Sampling::PoissonDisk => points(per_axis.ceil()).volume(&sdf) / x.len().max(1) as f64,
+        Sampling::PoissonDisk => points(per_axis.ceil()).volume(sdf) / x.len().max(1) as f64,
     };
     (x, volume0)
 }
 
-/// Adds a body with v_p = v + (Ω + G)(x_p - c) and B_p = (Ω + G) D(x_p), c the centroid of its particles; velocities and deformations
-/// of a file are added to that.
-fn add_body(problem: &mut Problem, scene: &Scene, body: &schema::Body, index: usize, material: usize) {
+/// Adds body number `index` of the scene: v_p = v + (Ω + G)(x_p - c) and B_p = (Ω + G) D(x_p), where
+/// c is the centroid of its particles. Velocities of a file are added to that; deformations of a
+/// file replace the scene's.
+fn add_body(problem: &mut Problem, scene: &Scene, resolved: &Resolved, index: usize, material: usize) {
+    let body = &scene.bodies[index];
     let (d, dx, origin) = (problem.dimension, problem.dx, problem.origin);
-    let read = body.points.as_ref().and_then(|points| points.read.as_deref());
+    let read = resolved.points.get(&format!("/bodies/{index}/points"));
     let (x, volume0) = match (&body.shape, read) {
-        (Some(shape), _) => fill(problem, scene, body, index, shape),
+        (Some(shape), _) => {
+            let sdf = shape::sdf(shape, &format!("/bodies/{index}/shape"), &resolved.fields, d);
+            fill(problem, scene, index, &sdf)
+        }
         (None, Some(read)) => {
-            let share = dx.powi(d as i32) / f64::from(particles_per_cell(body, d).0);
+            let share = dx.powi(d as i32) / f64::from(particles_per_cell(body.particles_per_cell, d));
             (read.x.clone(), read.volume.unwrap_or(share))
         }
         (None, None) => unreachable!("a valid scene's body has a shape or points"),
@@ -171,12 +139,13 @@ fn add_body(problem: &mut Problem, scene: &Scene, body: &schema::Body, index: us
         })
         .collect();
 
+    let given = body.deformation_gradient.as_deref().map_or(IDENTITY, matrix3);
     let material_law = &problem.materials[material];
     let particles = &mut problem.particles;
     let start = particles.len();
     match read.and_then(|read| read.f.as_ref()) {
         Some(f) => particles.f.extend(f.iter().map(|f| deformation(*f, None, material_law, d))),
-        None => particles.f.resize(start + x.len(), deformation(given_deformation(body), body.j, material_law, d)),
+        None => particles.f.resize(start + x.len(), deformation(given, body.j, material_law, d)),
     }
     particles.plastic.resize(start + x.len(), initial_plastic_state(material_law));
     particles.body.resize(start + x.len(), index as u32);
@@ -211,17 +180,6 @@ fn velocity_gradient(body: &schema::Body) -> [f64; 9] {
     c
 }
 
-/// The deformation gradient of the document.
-fn given_deformation(body: &schema::Body) -> [f64; 9] {
-    let mut f = IDENTITY;
-    for (i, row) in body.deformation_gradient.iter().flatten().enumerate() {
-        for (j, value) in row.iter().enumerate() {
-            f[3 * i + j] = *value;
-        }
-    }
-    f
-}
-
 /// Initial F, or that of the volume ratio if one is given; a fluid keeps only the volume ratio.
 fn deformation(mut f: [f64; 9], j: Option<f64>, material: &Material, dimension: usize) -> [f64; 9] {
     let volume_ratio = match material {
@@ -236,8 +194,4 @@ fn deformation(mut f: [f64; 9], j: Option<f64>, material: &Material, dimension: 
         }
     }
     f
-}
-
-pub(crate) fn determinant(m: &[f64; 9]) -> f64 {
-    m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) + m[2] * (m[3] * m[7] - m[4] * m[6])
 }

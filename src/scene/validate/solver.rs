@@ -2,7 +2,7 @@
 
 use crate::fault::join;
 use crate::schema::{Implicit, Integrator, Material, Scene, Solver};
-use crate::validate::Check;
+use crate::validate::check::Check;
 use gridfall_core::sim::settings::Method;
 
 /// Largest ε: beyond it a step's velocities are off by as much as they change.
@@ -10,7 +10,8 @@ const MAX_TOLERANCE: f64 = 1e-2;
 /// Levels at most: each has half the nodes along an axis, and no axis has more than 2¹⁶ cells.
 const MAX_LEVELS: u32 = 10;
 
-pub(crate) fn check_solver(check: &mut Check, solver: &Solver) {
+/// Judges the solver's settings.
+pub fn check_solver(check: &mut Check, solver: &Solver) {
     if check.finite("/solver/cfl", solver.cfl) && !(solver.cfl > 0.0 && solver.cfl <= 1.0) {
         let reason = format!("the CFL number is {}", solver.cfl);
         check.fault("/solver/cfl", "out_of_range", reason, "write a number above 0 and up to 1");
