@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use super::{mesh, points};
+use crate::{mesh, points};
 
 /// Where a scene says that a file is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

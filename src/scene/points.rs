@@ -7,6 +7,7 @@ use zip::ZipArchive;
 use zip::result::ZipError;
 
 use crate::mesh::ply;
+use crate::vectors::vector3;
 use gridfall_core::sim::particles::IDENTITY;
 
 /// Numbers of one array at most: 1 GiB.
@@ -68,11 +69,7 @@ fn npz(bytes: &[u8], dimension: usize) -> Result<Points, String> {
     let n = x.shape.first().copied().unwrap_or(0);
     let vectors = |array: Array, name: &str| -> Result<Vec<[f64; 3]>, String> {
         array.expect(name, &[n, d])?;
-        Ok(array
-            .values
-            .chunks_exact(dimension)
-            .map(|v| std::array::from_fn(|a| v.get(a).copied().unwrap_or(0.0)))
-            .collect())
+        Ok(array.values.chunks_exact(dimension).map(vector3).collect())
     };
     let x = vectors(x, "x")?;
     let v = array(&mut archive, "v")?.map(|v| vectors(v, "v")).transpose()?;

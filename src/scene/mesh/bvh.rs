@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::{TriangleMesh, cross, dot, sub};
+use super::triangles::{TriangleMesh, cross, dot, sub};
 
 /// Triangles of a leaf at most.
 const LEAF: usize = 6;

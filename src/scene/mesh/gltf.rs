@@ -8,8 +8,7 @@ use gltf::accessor::{DataType, Dimensions};
 use gltf::buffer::Source;
 use gltf::mesh::Mode;
 
-use super::TriangleMesh;
-use super::read::MeshError;
+use super::triangles::{MeshError, TriangleMesh};
 
 /// Nodes may be nested this deeply.
 const MAX_DEPTH: usize = 64;

@@ -1,6 +1,6 @@
 //! A heightfield as a closed mesh: the solid between a flat base and a surface over a rectangle.
 
-use super::TriangleMesh;
+use super::triangles::TriangleMesh;
 
 /// The solid below `heights` (m, along z), which cover the rectangle `min`…`max` evenly: `heights[j][i]` with i along x and j along
 /// y. Each cell of the surface is two triangles, cut from (i, j) to (i + 1, j + 1). None when lengths or values make no solid.

@@ -5,8 +5,7 @@ use std::io::BufRead;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 
-use super::TriangleMesh;
-use super::read::MeshError;
+use super::triangles::{MeshError, TriangleMesh};
 
 /// The numbers of interest of a vertex; those that the file lacks are NaN.
 const NAMES: [&str; 6] = ["x", "y", "z", "vx", "vy", "vz"];

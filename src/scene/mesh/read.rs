@@ -2,7 +2,8 @@
 
 use std::io::Cursor;
 
-use super::{TriangleMesh, gltf, ply};
+use super::triangles::{MeshError, TriangleMesh};
+use super::{gltf, ply};
 
 /// Triangles of a mesh at most.
 const MAX_TRIANGLES: usize = 8_000_000;
@@ -25,16 +26,6 @@ impl Format {
             Self::Ply => "ply",
             Self::Gltf => "gltf",
         }
-    }
-}
-
-/// Why a mesh cannot be used.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct MeshError(pub String);
-
-impl MeshError {
-    pub fn new(what: impl std::fmt::Display) -> Self {
-        Self(what.to_string())
     }
 }
 

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::TriangleMesh;
 use super::bvh::Bvh;
+use super::triangles::TriangleMesh;
 use crate::schema::Fill;
 use gridfall_core::sim::collider::Field;
 

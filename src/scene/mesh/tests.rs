@@ -1,5 +1,6 @@
 //! Formats, welding, watertightness, signed distances of meshes.
 
+use super::triangles::dot;
 use super::*;
 use crate::schema::Fill;
 
