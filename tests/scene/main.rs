@@ -1,0 +1,7 @@
+//! Scenes: documents, all their faults at once, shapes, meshes, and particles from files.
+
+mod documents;
+mod faults;
+mod meshes;
+mod points;
+mod shapes;
