@@ -7,7 +7,7 @@ mod implicit;
 mod isolated;
 
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Problem;
 use gridfall_engine::{Control, Engine, EngineError, FrameStats, NoControl};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -30,7 +30,7 @@ fn run(problem: &Problem, frames: u32) -> (Particles, u64) {
 
 fn run_with_stats(problem: &Problem, frames: u32) -> (Particles, Vec<FrameStats>) {
     let mut engine = common::gpu_engine(problem);
-    let stats = (0..frames).map(|_| engine.advance_frame(problem.frame_s, &NoControl).unwrap()).collect();
+    let stats = (0..frames).map(|_| engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap()).collect();
     (engine.snapshot().unwrap(), stats)
 }
 
@@ -45,7 +45,8 @@ fn free_fall_is_exact_to_rounding() {
         let (mut x_error, mut v_error, mut f_error) = (0.0f64, 0.0f64, 0.0f64);
         for id in 0..after.len() {
             for a in 0..3 {
-                x_error = x_error.max((after.x[id][a] - problem.particles.x[id][a] - expected[a]).abs() / problem.dx);
+                x_error =
+                    x_error.max((after.x[id][a] - problem.particles.x[id][a] - expected[a]).abs() / problem.setup.dx);
                 v_error = v_error.max((after.v[id][a] - [0.2, -0.1, 0.3 - 2.0 * t][a]).abs());
             }
             for k in 0..9 {
@@ -74,13 +75,13 @@ fn periodic_axes_carry_bodies_around() {
     for kernel in ["compact", "quadratic"] {
         let mut problem =
             block(kernel, r#""x": "periodic", "y": "periodic", "z": "periodic""#, r#""velocity": [4, -3, 0]"#);
-        problem.gravity = [0.0; 3];
-        problem.frame_s = 0.1;
+        problem.setup.gravity = [0.0; 3];
+        problem.setup.frame_s = 0.1;
         let (after, _) = run(&problem, 10);
         // One second at 4 and -3 m/s: four and three times around.
         for (x, x0) in after.x.iter().zip(&problem.particles.x) {
             for a in 0..3 {
-                assert!((x[a] - x0[a]).abs() < 2e-4 * problem.dx, "{kernel}: {x:?} {x0:?}");
+                assert!((x[a] - x0[a]).abs() < 2e-4 * problem.setup.dx, "{kernel}: {x:?} {x0:?}");
             }
         }
     }
@@ -98,23 +99,23 @@ fn capacity_grows_without_losing_a_step() {
     );
     let mut engine = common::gpu_engine(&problem);
     let before = engine.device_bytes();
-    let mut cpu = gridfall_engine::explicit::cpu::CpuEngine::new(&problem).unwrap();
+    let mut cpu = gridfall_engine::explicit::cpu::CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
     for _ in 0..3 {
-        engine.advance_frame(problem.frame_s, &NoControl).unwrap();
-        cpu.advance_frame(problem.frame_s, &NoControl).unwrap();
+        engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap();
+        cpu.advance_frame(problem.setup.frame_s, &NoControl).unwrap();
     }
     assert!(engine.device_bytes() > before, "the burst was meant to need more blocks");
     let (gpu, cpu) = (engine.snapshot().unwrap(), cpu.snapshot().unwrap());
     let worst = gpu.x.iter().zip(&cpu.x).flat_map(|(a, b)| (0..3).map(|k| (a[k] - b[k]).abs())).fold(0.0, f64::max);
     println!("{before} → {} bytes, worst difference {worst:.1e} m", engine.device_bytes());
-    assert!(worst < 1e-2 * problem.dx);
+    assert!(worst < 1e-2 * problem.setup.dx);
 }
 
 #[test]
 fn momentum_is_kept_over_a_thousand_steps() {
     let mut problem = block("compact", "", r#""angular_velocity": [0, 0, 3], "velocity": [0.1, 0, 0]"#);
-    problem.gravity = [0.0; 3];
-    problem.max_dt_s = Some(1e-4);
+    problem.setup.gravity = [0.0; 3];
+    problem.setup.max_dt_s = Some(1e-4);
     let momentum =
         |p: &Particles| -> [f64; 3] { std::array::from_fn(|a| p.v.iter().map(|v| v[a]).sum::<f64>() / p.len() as f64) };
     // About z through the origin, in mean (m²/s).
@@ -137,14 +138,15 @@ fn momentum_is_kept_over_a_thousand_steps() {
 fn a_speed_that_grows_inside_a_frame_leads_to_a_new_plan() {
     // A strongly squeezed block bursts from rest: the plan at rest is far too long for it.
     let mut problem = block("compact", "", r#""J": 0.2"#);
-    problem.gravity = [0.0; 3];
-    problem.cfl = 0.05;
-    problem.frame_s = 0.05;
+    problem.setup.gravity = [0.0; 3];
+    problem.setup.cfl = 0.05;
+    problem.setup.frame_s = 0.05;
     let mut engine = common::gpu_engine(&problem);
-    let stats = engine.advance_frame(problem.frame_s, &NoControl).unwrap();
-    let quiet = block("compact", "", r#""J": 1.0"#);
-    let mut at_rest = common::gpu_engine(&Problem { gravity: [0.0; 3], cfl: 0.05, ..quiet });
-    let planned = at_rest.advance_frame(problem.frame_s, &NoControl).unwrap();
+    let stats = engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap();
+    let mut quiet = block("compact", "", r#""J": 1.0"#);
+    (quiet.setup.gravity, quiet.setup.cfl) = ([0.0; 3], 0.05);
+    let mut at_rest = common::gpu_engine(&quiet);
+    let planned = at_rest.advance_frame(problem.setup.frame_s, &NoControl).unwrap();
     assert!(stats.steps > planned.steps, "{stats:?} {planned:?}");
     assert!(engine.snapshot().unwrap().x.iter().flatten().all(|x| x.is_finite()));
 }
@@ -153,7 +155,7 @@ fn a_speed_that_grows_inside_a_frame_leads_to_a_new_plan() {
 fn failures_name_step_and_particle() {
     let mut problem = block("compact", "", "\"velocity\": [0, 0, 0]");
     problem.particles.f[77][0] = f64::NAN;
-    match common::gpu_engine(&problem).advance_frame(problem.frame_s, &NoControl) {
+    match common::gpu_engine(&problem).advance_frame(problem.setup.frame_s, &NoControl) {
         Err(EngineError::Diverged { step: 0, what, .. }) => assert!(what.contains("particle 77"), "{what}"),
         other => panic!("{other:?}"),
     }
@@ -162,8 +164,8 @@ fn failures_name_step_and_particle() {
 #[test]
 fn a_particle_outside_the_domain_is_an_error() {
     let mut problem = block("compact", "", "\"velocity\": [0, 0, 0]");
-    problem.particles.x[12] = [-1.5 * problem.dx, 0.5, 0.5];
-    match common::gpu_engine(&problem).advance_frame(problem.frame_s, &NoControl) {
+    problem.particles.x[12] = [-1.5 * problem.setup.dx, 0.5, 0.5];
+    match common::gpu_engine(&problem).advance_frame(problem.setup.frame_s, &NoControl) {
         Err(EngineError::LeftDomain { what, .. }) => assert!(what.contains("particle 12"), "{what}"),
         other => panic!("{other:?}"),
     }
@@ -189,11 +191,12 @@ fn surfaces_take_the_momentum_that_is_lost() {
             block(kernel, r#""z-": {"contact":"separate","friction":0.5}"#, r#""velocity": [0.5, 0, -3]"#);
         problem.particles.x.iter_mut().for_each(|x| x[2] -= 0.47);
         let (after, stats) = run_with_stats(&problem, 8);
-        let m = problem.bodies[0].mass;
+        let m = problem.setup.bodies[0].mass;
         let p = |p: &Particles, a: usize| m * p.v.iter().map(|v| v[a]).sum::<f64>();
         for a in 0..3 {
-            let lost = p(&problem.particles, a) + m * after.len() as f64 * problem.gravity[a] * 0.08 - p(&after, a);
-            let taken: f64 = stats.iter().flat_map(|s| &s.reactions).map(|r| r.force[a] * problem.frame_s).sum();
+            let lost =
+                p(&problem.particles, a) + m * after.len() as f64 * problem.setup.gravity[a] * 0.08 - p(&after, a);
+            let taken: f64 = stats.iter().flat_map(|s| &s.reactions).map(|r| r.force[a] * problem.setup.frame_s).sum();
             let whole = 3.0 * m * after.len() as f64;
             println!(
                 "{kernel} axis {a}: {taken:.6} N s taken, {lost:.6} lost, of {whole:.3}; {:.1e}",
@@ -221,21 +224,23 @@ fn sources_emit_what_the_cpu_emits() {
     );
     let simulate = |engine: &mut dyn Engine| -> Vec<Particles> {
         let frame = |frame: u32| {
-            gridfall_recording::run::advance(&problem, engine, frame, &NoControl).unwrap();
+            gridfall_recording::run::advance(&problem.setup, engine, frame, &NoControl).unwrap();
             engine.snapshot().unwrap()
         };
-        (0..problem.frames).map(frame).collect()
+        (0..problem.setup.frames).map(frame).collect()
     };
     let gpu = simulate(&mut common::gpu_engine(&problem));
-    let cpu = simulate(&mut gridfall_engine::explicit::cpu::CpuEngine::new(&problem).unwrap());
+    let cpu = simulate(
+        &mut gridfall_engine::explicit::cpu::CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap(),
+    );
     assert!(gpu[1].is_empty() && cpu[1].is_empty(), "the sources open later");
-    assert_eq!(gpu[9].len(), problem.total_particles());
+    assert_eq!(gpu[9].len(), problem.setup.total_particles());
     for (gpu, cpu) in gpu.iter().zip(&cpu) {
         assert_eq!(gpu.body, cpu.body);
         let differences = gpu.x.iter().zip(&cpu.x).flat_map(|(a, b)| (0..3).map(|k| (a[k] - b[k]).abs()));
         let worst = differences.fold(0.0, f64::max);
         println!("{} particles, worst difference {worst:.1e} m", gpu.len());
-        assert!(worst < 1e-3 * problem.dx);
+        assert!(worst < 1e-3 * problem.setup.dx);
     }
     // And again, bit for bit.
     assert_eq!(gpu, simulate(&mut common::gpu_engine(&problem)));

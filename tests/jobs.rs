@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Setup;
 use gridfall_engine::{Backend, Control, Engine, EngineError, FrameStats};
 use gridfall_scene::Limits;
 use gridfall_service::jobs::{DeviceState, EngineSource, OpenDevices, Worker};
@@ -55,8 +55,8 @@ impl Engine for Fake {
         }
     }
 
-    fn append(&mut self, particles: &Particles) -> Result<(), EngineError> {
-        self.particles.append(particles.clone());
+    fn append(&mut self, particles: Particles) -> Result<(), EngineError> {
+        self.particles.append(particles);
         Ok(())
     }
 
@@ -72,7 +72,7 @@ struct Fakes {
 }
 
 impl EngineSource for Fakes {
-    fn engine(&self, problem: &Problem) -> Result<Box<dyn Engine>, EngineError> {
+    fn engine(&self, _: &Setup, particles: Particles) -> Result<Box<dyn Engine>, EngineError> {
         let n = self.loaded.fetch_add(1, Ordering::SeqCst).min(self.fates.len() - 1);
         let backend = Backend {
             kind: "cpu".into(),
@@ -81,7 +81,7 @@ impl EngineSource for Fakes {
             software: false,
             reason: "a test".into(),
         };
-        Ok(Box::new(Fake { backend, particles: problem.particles.clone(), frame: 0, fate: self.fates[n] }))
+        Ok(Box::new(Fake { backend, particles, frame: 0, fate: self.fates[n] }))
     }
 
     fn describe(&self) -> String {

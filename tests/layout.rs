@@ -2,12 +2,12 @@
 
 use std::mem::offset_of;
 
-use gridfall_core::sim::problem::Kernel;
-use gridfall_engine::gpu::implicit::linear::kernels::{self, Kernel as Linear};
-use gridfall_engine::gpu::implicit::linear::layout as linear;
-use gridfall_engine::gpu::implicit::{layout as implicit, shaders};
-use gridfall_engine::gpu::layout;
-use gridfall_engine::gpu::shaders::{Stage, source};
+use gridfall_core::sim::setup::Kernel;
+use gridfall_engine::explicit::gpu::layout;
+use gridfall_engine::explicit::gpu::shaders::{Stage, source};
+use gridfall_engine::implicit::gpu::linear::kernels::{self, Kernel as Linear};
+use gridfall_engine::implicit::gpu::linear::layout as linear;
+use gridfall_engine::implicit::gpu::{layout as implicit, shaders};
 
 fn parse_text(name: &str, text: &str) -> naga::Module {
     naga::front::wgsl::parse_str(text).unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(text)))

@@ -10,9 +10,9 @@ mod implicit;
 use std::collections::BTreeMap;
 
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{Kernel, Material, Precision, Problem, Transfer};
-use gridfall_engine::explicit::cpu::{Stages, stages};
-use gridfall_engine::gpu::{GridNode, Staged};
+use gridfall_core::sim::setup::{Kernel, Material, Precision, Problem, Setup, Transfer};
+use gridfall_engine::explicit::cpu::{CpuEngine, Stages, stages};
+use gridfall_engine::explicit::gpu::{GridNode, Staged};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -73,7 +73,8 @@ fn random_scene(kernel: &str, transfer: &str, materials: [&str; 3], seed: u64) -
 }
 
 fn f64_stages(problem: &Problem) -> Box<dyn Stages> {
-    let mut cpu = stages(&Problem { precision: Precision::F64, ..problem.clone() });
+    let setup = Setup { precision: Precision::F64, ..problem.setup.clone() };
+    let mut cpu = stages(&setup, problem.particles.clone());
     cpu.start_frame();
     cpu
 }
@@ -82,7 +83,7 @@ fn f64_stages(problem: &Problem) -> Box<dyn Stages> {
 type Nodes = BTreeMap<(i32, [i32; 3]), (f64, [f64; 3], [f64; 3])>;
 
 fn cpu_nodes(cpu: &dyn Stages, problem: &Problem) -> Nodes {
-    let sign = if problem.kernel == Kernel::Compact { [1, -1] } else { [0, 0] };
+    let sign = if problem.setup.kernel == Kernel::Compact { [1, -1] } else { [0, 0] };
     let mut nodes = Nodes::new();
     for n in cpu.nodes() {
         let mut index = n.index;
@@ -95,7 +96,7 @@ fn cpu_nodes(cpu: &dyn Stages, problem: &Problem) -> Nodes {
 
 /// Largest difference of mass (full nodes) and of momentum or mass-weighted velocity (full nodes × m/s).
 fn compare(gpu: &[GridNode], cpu: &Nodes, problem: &Problem, velocities: bool) -> (f64, f64) {
-    let full = 1500.0 * problem.dx.powi(3);
+    let full = 1500.0 * problem.setup.dx.powi(3);
     let mut seen: Nodes = cpu.clone();
     let (mut mass, mut value) = (0.0f64, 0.0f64);
     for n in gpu {
@@ -142,7 +143,7 @@ fn step(gpu_problem: &Problem, cpu_problem: &Problem) -> [f64; 8] {
     let (mass_again, velocity) = compare(&nodes, &cpu_nodes(cpu.as_ref(), cpu_problem), cpu_problem, true);
     let after = gpu.g2p().unwrap();
     cpu.g2p(DT_S);
-    let [x, v, b, f] = compare_particles(&after, &cpu.particles(), cpu_problem.dx);
+    let [x, v, b, f] = compare_particles(&after, &cpu.particles(), cpu_problem.setup.dx);
     [mass, momentum, mass_again, velocity, x, v, b, f]
 }
 
@@ -194,14 +195,14 @@ fn planted_errors_are_caught() {
     type Plant<'a> = &'a dyn Fn(&mut Problem);
     let planted: [(&str, Plant); 6] = [
         ("stiffness off by a thousandth", &|p| {
-            let Material::FixedCorotated(e) = &mut p.materials[p.bodies[0].material] else { panic!() };
+            let Material::FixedCorotated(e) = &mut p.setup.materials[p.setup.bodies[0].material] else { panic!() };
             e.youngs_modulus *= 1.001;
         }),
         ("one particle's F", &|p| p.particles.f[100][1] += 1e-3),
-        ("one particle's B", &|p| p.particles.b[200][5] += 1e-3 * p.dx),
-        ("friction of a collider", &|p| p.colliders[0].contact.friction = 0.21),
-        ("collider 0.01 dx away", &|p| p.colliders[0].motion.linear_velocity[0] += 0.01),
-        ("force through gradients instead of D⁻¹", &|p| p.transfer = Transfer::Apic),
+        ("one particle's B", &|p| p.particles.b[200][5] += 1e-3 * p.setup.dx),
+        ("friction of a collider", &|p| p.setup.colliders[0].contact.friction = 0.21),
+        ("collider 0.01 dx away", &|p| p.setup.colliders[0].motion.linear_velocity[0] += 0.01),
+        ("force through gradients instead of D⁻¹", &|p| p.setup.transfer = Transfer::Apic),
     ];
     for (name, plant) in planted {
         let mut wrong = problem.clone();
@@ -222,15 +223,15 @@ fn fused_steps_follow_the_reference() {
         ("compact", "mls", SOILS),
         ("compact", "mls", METALS),
     ] {
-        let problem = Problem { max_dt_s: Some(DT_S), cfl: 1.0, ..scene(kernel, transfer, materials) };
+        let mut problem = scene(kernel, transfer, materials);
+        (problem.setup.max_dt_s, problem.setup.cfl) = (Some(DT_S), 1.0);
         let mut gpu = common::gpu_engine(&problem);
         let stats = gpu.advance_frame(40.0 * DT_S, &NoControl).unwrap();
-        let mut cpu =
-            gridfall_engine::explicit::cpu::CpuEngine::new(&Problem { precision: Precision::F64, ..problem.clone() })
-                .unwrap();
+        let setup = Setup { precision: Precision::F64, ..problem.setup.clone() };
+        let mut cpu = CpuEngine::new(&setup, problem.particles.clone()).unwrap();
         let reference = cpu.advance_frame(40.0 * DT_S, &NoControl).unwrap();
         assert_eq!(stats.steps, reference.steps);
-        let d = compare_particles(&gpu.snapshot().unwrap(), &cpu.snapshot().unwrap(), problem.dx);
+        let d = compare_particles(&gpu.snapshot().unwrap(), &cpu.snapshot().unwrap(), problem.setup.dx);
         println!(
             "{kernel} {transfer}: {} steps, x {:.1e} dx, v {:.1e} m/s, B {:.1e}, F {:.1e}",
             stats.steps, d[0], d[1], d[2], d[3]

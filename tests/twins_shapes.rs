@@ -4,9 +4,9 @@ mod common;
 
 use std::collections::BTreeMap;
 
-use gridfall_core::sim::problem::{Precision, Problem};
+use gridfall_core::sim::setup::{Precision, Problem, Setup};
 use gridfall_engine::explicit::cpu::stages;
-use gridfall_engine::gpu::Staged;
+use gridfall_engine::explicit::gpu::Staged;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
@@ -82,7 +82,8 @@ fn on_gpu(problem: &Problem) -> Nodes {
 }
 
 fn on_cpu(problem: &Problem) -> Nodes {
-    let mut cpu = stages(&Problem { precision: Precision::F64, ..problem.clone() });
+    let setup = Setup { precision: Precision::F64, ..problem.setup.clone() };
+    let mut cpu = stages(&setup, problem.particles.clone());
     cpu.start_frame();
     cpu.p2g(DT_S);
     cpu.grid_update(DT_S, 0.0);
@@ -106,8 +107,8 @@ fn every_shape_acts_the_same_on_gpu_and_cpu() {
         let mut problem = problem(&shape);
         common::randomise(&mut problem, &mut ChaCha8Rng::seed_from_u64(seed as u64));
         bare.particles = problem.particles.clone();
-        bare.colliders.clear();
-        let full = 1000.0 * problem.dx.powi(3);
+        bare.setup.colliders.clear();
+        let full = 1000.0 * problem.setup.dx.powi(3);
         let (gpu, cpu, free) = (on_gpu(&problem), on_cpu(&problem), on_cpu(&bare));
         let (wrong, held) = (differing(&gpu, &cpu, full), differing(&cpu, &free, full));
         println!("{name}, seed {seed}: {held} nodes of {} held, {wrong} differ", cpu.len());

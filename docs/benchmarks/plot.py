@@ -118,7 +118,7 @@ def stiffness(rows, out):
 
 def ratios(rows):
     found = references(rows)
-    print("| scene | variant | kernel | method | steps | time (s) | outer a step | inner a step | time over hot's | converged |")
+    print("| scene | variant | kernel | method | steps | time (s) | outer per step | inner per step | time / hot's | converged |")
     print("|---|---|---|---|---|---|---|---|---|---|")
     for row in rows:
         steps = max(1, row["steps"])
@@ -133,7 +133,7 @@ def table_3(rows):
     scenes = [s for s in unique(r["scene"] for r in rows) if all((s, m) in by for m in ("pn-pcg", "pn-pcg-sgs"))]
     if not scenes:
         return
-    print("\n| scene | Gauss–Seidel: s a step | CG iterations a step | Jacobi: s a step | CG iterations a step |")
+    print("\n| scene | Gauss–Seidel: s per step | CG iterations per step | Jacobi: s per step | CG iterations per step |")
     print("|---|---|---|---|---|")
     for scene in scenes:
         cells = [f"{by[scene, m][v] / by[scene, m]['steps']:.2f}" for m in ("pn-pcg-sgs", "pn-pcg") for v in ("time_s", "inner_iterations")]

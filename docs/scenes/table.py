@@ -17,6 +17,7 @@ import json
 import math
 import pathlib
 import subprocess
+import textwrap
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "SCENES.md"
@@ -158,7 +159,7 @@ def page(runs, scenes, build):
     made = {name: json.loads(path.read_text()) for name, path in made.items() if path.exists()}
     text = HEAD
     device = next((m["summary"]["backend"]["device"] for m in made.values() if m.get("summary")), "unknown")
-    text += f"\n## Run: {device}{build and ', '}{build}\n\n" + RUN_HEAD
+    text += f"\n## Runs on {device}\n\n" + (build and textwrap.fill(build, 100) + "\n\n") + RUN_HEAD
     for name, m in made.items():
         if "summary" not in m:
             continue
@@ -180,7 +181,7 @@ def page(runs, scenes, build):
             verdicts.get(name, "") + (f" **Failed:** {m['failure']}" if m["failure"] else ""),
         ]
         text += "| " + " | ".join(cells) + " |\n"
-    text += "\n## Costed: too large for the machine above\n\n" + COST_HEAD
+    text += "\n## Not run: too large for the machine above\n\n" + COST_HEAD
     for name, m in made.items():
         if "summary" in m:
             continue
@@ -192,22 +193,30 @@ def page(runs, scenes, build):
 
 HEAD = """# Scenes
 
-Written by [scenes/table.py](scenes/table.py), which runs every scene that two cores can run and costs the others. What to look for is each scene's
-`description`; verdicts are of a person who looked at the frames and the diagnostics ([scenes/verdicts.json](scenes/verdicts.json)).
+[scenes/table.py](scenes/table.py) writes this page. It runs every scene that two cores can run and
+estimates the cost of the others. Each scene's `description` says what to look for. A verdict says
+what a person saw in the frames and the diagnostics ([scenes/verdicts.json](scenes/verdicts.json)).
 """
 
-RUN_HEAD = """Step: the mean over the run, and the limit that ruled at time 0, before frames are cut into equal steps. Mass: largest change over the whole. Momentum and angular momentum, of
-bodies in free space only: largest change over what the bodies' motion could carry (sqrt(2 m E), times the domain's size). Energy (kinetic, strain,
-gravity), where nobody does work on the bodies: largest gain and change at the end over the largest kinetic plus strain energy; friction, inelastic
-contact, plastic flow and transfers take energy out. Resets: isolated particles whose strain was reset. Times are of a machine with other work.
+RUN_HEAD = """- Step: the mean over the run and, in brackets, the limit that applied at time 0, before frames are
+  divided into equal steps.
+- Mass: the largest relative change.
+- Momentum and angular momentum, only for bodies in free space: the largest change relative to what
+  the motion of the bodies could carry (sqrt(2 m E); for angular momentum, times the domain's size).
+- Energy (kinetic, strain, gravity), only where no external work is done on the bodies: the largest
+  gain, and the change at the end, both relative to the largest kinetic plus strain energy.
+  Friction, inelastic contact, plastic flow and transfers dissipate energy.
+- Resets: isolated particles whose strain was reset.
+- Times are from a machine that also did other work.
 
-| scene | particles | step (s) | steps | s a frame | mass | momentum | angular | energy: most, end | resets | verdict |
+| scene | particles | step (s) | steps | s per frame | mass | momentum | angular momentum | energy: gain, end | resets | verdict |
 |---|---|---|---|---|---|---|---|---|---|---|
 """
 
-COST_HEAD = """Not run here. Particles above a million are counted on cells four times as wide (± 1 %); the step is the one at time 0, and steps are for the whole run at that step.
+COST_HEAD = """These scenes were not run here. Particles above a million are counted on cells four times as wide
+(± 1 %). The step is the one at time 0, and the number of steps assumes it for the whole run.
 
-| scene | particles | step (s) | steps | |
+| scene | particles | step (s) | steps | note |
 |---|---|---|---|---|
 """
 

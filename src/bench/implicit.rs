@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 use serde_json::json;
 
-use gridfall_core::sim::problem::{Kernel, Method, Problem};
+use gridfall_core::sim::setup::{Kernel, Method, Problem, Setup};
 use gridfall_engine::{Control, Engine, EngineError};
 use gridfall_recording::run;
 use gridfall_scene::{self as scene, Fault, Limits};
@@ -136,19 +136,19 @@ impl Case {
     pub fn problem(&self, frames: u32) -> Result<Problem, Vec<Fault>> {
         let scene = scene::parse_with(self.document, &self.sets)?;
         let mut problem = scene::problem(&scene, &Limits::default())?;
-        problem.frames = problem.frames.min(frames);
+        problem.setup.frames = problem.setup.frames.min(frames);
         Ok(problem)
     }
 
     /// Runs the problem on an engine that has loaded it, for `limit` at most. A run that takes longer or fails is one that did not converge; the
     /// error is handed back with it.
-    pub fn run(&self, problem: &Problem, engine: &mut dyn Engine, limit: Duration) -> (Row, Option<EngineError>) {
+    pub fn run(&self, setup: &Setup, engine: &mut dyn Engine, limit: Duration) -> (Row, Option<EngineError>) {
         let clock = Clock { end: Instant::now() + limit };
         let mut row = Row {
             scene: self.scene.into(),
             variant: self.variant.clone(),
             method: self.method.clone(),
-            kernel: problem.kernel,
+            kernel: setup.kernel,
             engine: engine.backend().kind.clone(),
             steps: 0,
             time_s: 0.0,
@@ -159,9 +159,9 @@ impl Case {
             frame_outer_iterations: vec![],
             frame_inner_iterations: vec![],
         };
-        for frame in 0..problem.frames {
+        for frame in 0..setup.frames {
             let begin = Instant::now();
-            let stats = run::advance(problem, engine, frame, &clock);
+            let stats = run::advance(setup, engine, frame, &clock);
             let wall_s = begin.elapsed().as_secs_f64();
             row.time_s += wall_s;
             let stats = match stats {

@@ -6,11 +6,11 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use gridfall_core::sim::problem::{Kernel, Material, Precision, Problem};
+use gridfall_core::sim::setup::{Kernel, Material, Precision, Problem};
 use gridfall_core::sim::timestep;
 use gridfall_engine::choice::Devices;
 use gridfall_engine::explicit::cpu::CpuEngine;
-use gridfall_engine::gpu::{GpuEngine, timing};
+use gridfall_engine::explicit::gpu::{GpuEngine, timing};
 use gridfall_engine::{Backend, Engine, EngineError, NoControl};
 use gridfall_recording::provenance;
 use gridfall_scene::{self as scene, Fault};
@@ -151,7 +151,11 @@ pub fn problem(json: &str) -> Result<Problem, BenchError> {
 
 /// Measures a problem on the device that suits it.
 pub fn measure(devices: &Devices, problem: &Problem, case: &str, size: &str) -> Result<Row, BenchError> {
-    let plan = timestep::plan_frame(problem, &timestep::initial_extremes(problem), problem.frame_s);
+    let plan = timestep::plan_frame(
+        &problem.setup,
+        &timestep::initial_extremes(&problem.setup, &problem.particles),
+        problem.setup.frame_s,
+    );
     if problem.particles.is_empty() {
         let reason = "nothing is there at the start, and sources are not measured";
         return Err(BenchError::Engine(EngineError::Unsupported(reason.into())));
@@ -174,8 +178,8 @@ pub fn measure(devices: &Devices, problem: &Problem, case: &str, size: &str) -> 
         case: case.into(),
         size: size.into(),
         particles: problem.particles.len(),
-        kernel: problem.kernel,
-        precision: problem.precision,
+        kernel: problem.setup.kernel,
+        precision: problem.setup.precision,
         dt_s: plan.dt_s,
         backend: engine.get().backend().clone(),
         particle_steps_per_s: rate,
@@ -198,8 +202,15 @@ enum Measured {
 impl Measured {
     fn load(devices: &Devices, problem: &Problem) -> Result<Self, EngineError> {
         Ok(match devices.gpu() {
-            Some(gpu) => Self::Gpu(Box::new(GpuEngine::new(gpu.clone(), problem, devices.reason())?)),
-            None => Self::Cpu(Box::new(CpuEngine::new(problem)?.because(devices.reason()))),
+            Some(gpu) => Self::Gpu(Box::new(GpuEngine::new(
+                gpu.clone(),
+                &problem.setup,
+                problem.particles.clone(),
+                devices.reason(),
+            )?)),
+            None => Self::Cpu(Box::new(
+                CpuEngine::new(&problem.setup, problem.particles.clone())?.because(devices.reason()),
+            )),
         })
     }
 
@@ -229,13 +240,17 @@ fn rates(engine: &mut dyn Engine, problem: &Problem, dt_s: f64) -> Result<(Vec<f
 
 /// Bytes that must move for a particle and step: position and deformation read and written once, and the grid's share.
 fn floor_bytes(problem: &Problem) -> f64 {
-    let scalar = if problem.precision == Precision::F64 { 8.0 } else { 4.0 };
+    let scalar = if problem.setup.precision == Precision::F64 { 8.0 } else { 4.0 };
     let state = |material: &Material| match material {
         Material::WeaklyCompressibleFluid(_) => 4.0,
         solid => 12.0 + f64::from(u8::from(solid.has_plastic_state())),
     };
-    let of_bodies: f64 =
-        problem.bodies.iter().map(|b| b.particles.len() as f64 * state(&problem.materials[b.material])).sum();
+    let of_bodies: f64 = problem
+        .setup
+        .bodies
+        .iter()
+        .map(|b| b.particles.len() as f64 * state(&problem.setup.materials[b.material]))
+        .sum();
     2.0 * scalar * of_bodies / problem.particles.len() as f64 + GRID_BYTES * scalar / 4.0
 }
 

@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 use super::device::DeviceArguments;
 use super::{CliError, bench_implicit};
 use crate::bench::{self, BenchError, CASES, Row, Size};
-use gridfall_core::sim::problem::{Kernel, Precision};
+use gridfall_core::sim::setup::{Kernel, Precision};
 use gridfall_engine::choice::Devices;
 
 /// Measure speed: particle-steps a second, GPU time per stage, share of the memory bandwidth.

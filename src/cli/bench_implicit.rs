@@ -8,7 +8,7 @@ use super::CliError;
 use super::bench::{name, named};
 use super::device::DeviceArguments;
 use crate::bench::implicit::{Case, REFERENCE, Row, SCENES, labels};
-use gridfall_core::sim::problem::Kernel;
+use gridfall_core::sim::setup::{Kernel, Problem};
 use gridfall_engine::choice::Devices;
 
 /// Compare the methods of the implicit integrator on reduced scenes of the HOT paper: time, outer and inner iterations, ratio to hot.
@@ -60,8 +60,10 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
                 continue;
             }
         };
-        let mut engine = devices.engine(&problem).map_err(|error| CliError::Failed(format!("{what}: {error}")))?;
-        let (row, error) = case.run(&problem, engine.as_mut(), limit);
+        let Problem { setup, particles } = problem;
+        let mut engine =
+            devices.engine(&setup, particles).map_err(|error| CliError::Failed(format!("{what}: {error}")))?;
+        let (row, error) = case.run(&setup, engine.as_mut(), limit);
         if let Some(error) = error {
             eprintln!("{what}: ended early: {error}");
         }

@@ -11,7 +11,8 @@ use serde_json::json;
 use super::CliError;
 use super::device::DeviceArguments;
 use super::run::{integration, load};
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::setup::{Problem, Setup};
 use gridfall_engine::choice::Devices;
 use gridfall_engine::{Backend, Control, EngineError};
 use gridfall_scene::estimate::{Estimate, Integration, Limit, estimate};
@@ -54,26 +55,32 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         }
     };
     let estimate = estimate(&problem);
+    let Problem { setup, particles } = problem;
     let bad_device = |e: EngineError| CliError::BadInput(e.to_string());
     let devices = Devices::open(arguments.device.choice(), arguments.device.adapter.as_deref()).map_err(bad_device)?;
-    let speed = calibrate(&devices, &problem, &estimate).map_err(|e| CliError::Failed(e.to_string()))?;
+    let speed = calibrate(&devices, &setup, particles, &estimate).map_err(|e| CliError::Failed(e.to_string()))?;
     if arguments.json {
-        println!("{:#}", json!({ "valid": true, "name": problem.name, "estimate": estimate, "speed": speed }));
+        println!("{:#}", json!({ "valid": true, "name": setup.name, "estimate": estimate, "speed": speed }));
     } else {
-        print!("{}", text(&problem, &estimate, &speed));
+        print!("{}", text(&setup, &estimate, &speed));
     }
     Ok(())
 }
 
 /// Runs the beginning of a problem for a moment: a few steps to warm up, then as many as fit into the time.
-fn calibrate(devices: &Devices, problem: &Problem, estimate: &Estimate) -> Result<Speed, EngineError> {
-    let mut engine = devices.engine(problem)?;
-    let mut particles = problem.particles.len();
-    if particles == 0 {
-        let emission = (0..problem.frames).map(|frame| problem.emission(frame)).find(|new| !new.is_empty());
+fn calibrate(
+    devices: &Devices,
+    setup: &Setup,
+    particles: Particles,
+    estimate: &Estimate,
+) -> Result<Speed, EngineError> {
+    let mut count = particles.len();
+    let mut engine = devices.engine(setup, particles)?;
+    if count == 0 {
+        let emission = (0..setup.frames).map(|frame| setup.emission(frame)).find(|new| !new.is_empty());
         let emission = emission.expect("a problem has particles");
-        particles = emission.len();
-        engine.append(&emission)?;
+        count = emission.len();
+        engine.append(emission)?;
     }
     let mut done = 0;
     let mut measure = |steps: f64| -> Result<f64, EngineError> {
@@ -91,8 +98,8 @@ fn calibrate(devices: &Devices, problem: &Problem, estimate: &Estimate) -> Resul
     let steps_per_s = measure(steps(warm_up))?;
     Ok(Speed {
         backend: engine.backend().clone(),
-        particle_steps_per_s: steps_per_s * particles as f64,
-        run_s: estimate.particle_steps / (steps_per_s * particles as f64),
+        particle_steps_per_s: steps_per_s * count as f64,
+        run_s: estimate.particle_steps / (steps_per_s * count as f64),
     })
 }
 
@@ -112,9 +119,9 @@ impl Control for Clock {
     }
 }
 
-fn text(problem: &Problem, estimate: &Estimate, speed: &Speed) -> String {
-    let cells: Vec<String> = estimate.cells[..problem.dimension].iter().map(usize::to_string).collect();
-    let bodies = problem.bodies.len();
+fn text(setup: &Setup, estimate: &Estimate, speed: &Speed) -> String {
+    let cells: Vec<String> = estimate.cells[..setup.dimension].iter().map(usize::to_string).collect();
+    let bodies = setup.bodies.len();
     let memory = match estimate.device_memory_bytes {
         Some(bytes) => format!("{} on the CPU, {} on a GPU", size(estimate.host_memory_bytes), size(bytes)),
         None => format!("{} on the CPU (GPUs do not run this scene)", size(estimate.host_memory_bytes)),
@@ -124,12 +131,9 @@ fn text(problem: &Problem, estimate: &Estimate, speed: &Speed) -> String {
             "particles",
             format!("{} in {bodies} {}", grouped(estimate.particles), if bodies == 1 { "body" } else { "bodies" }),
         ),
-        (
-            "grid",
-            format!("{} cells of {} m, {} active blocks", cells.join(" × "), problem.dx, grouped(estimate.blocks)),
-        ),
+        ("grid", format!("{} cells of {} m, {} active blocks", cells.join(" × "), setup.dx, grouped(estimate.blocks))),
         ("memory", memory),
-        ("integrator", integration(problem)),
+        ("integrator", integration(setup)),
         (
             "",
             format!(
@@ -154,7 +158,7 @@ fn text(problem: &Problem, estimate: &Estimate, speed: &Speed) -> String {
         ("speed", format!("{:.2} million particle-steps a second", speed.particle_steps_per_s / 1e6)),
         ("run time", format!("about {}", duration(speed.run_s))),
     ];
-    let mut text = format!("{}: valid\n", problem.name);
+    let mut text = format!("{}: valid\n", setup.name);
     for (label, value) in rows {
         text += &format!("  {label:<10} {value}\n");
     }

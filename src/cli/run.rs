@@ -11,9 +11,10 @@ use serde_json::json;
 
 use super::device::DeviceArguments;
 use super::{CliError, interrupt};
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::{Problem, Setup};
 use gridfall_engine::choice::Devices;
 use gridfall_engine::{Backend, Control, EngineError};
+use gridfall_recording::Appearance;
 use gridfall_recording::run::{self, FrameReport, Observer, Outputs, RunError};
 use gridfall_scene::assets::LocalFiles;
 use gridfall_scene::{self as scene, Limits, Scene};
@@ -48,7 +49,7 @@ pub struct Arguments {
 pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let (scene, mut problem) = load(&arguments.scene, &arguments.overrides)?;
     if let Some(frames) = arguments.frames {
-        problem.frames = problem.frames.min(frames);
+        problem.setup.frames = problem.setup.frames.min(frames);
     }
     let outputs = Outputs {
         recording: arguments.output.unwrap_or_else(|| default_output(&arguments.scene)),
@@ -59,16 +60,18 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let device_failure = |error: EngineError| CliError::BadInput(error.to_string());
     let devices =
         Devices::open(arguments.device.choice(), arguments.device.adapter.as_deref()).map_err(device_failure)?;
-    let mut engine = devices.engine(&problem).map_err(device_failure)?;
+    let Problem { setup, particles } = problem;
+    let appearance = Appearance::new(&setup, &particles);
+    let mut engine = devices.engine(&setup, particles).map_err(device_failure)?;
     let backend = engine.backend().clone();
-    let particles = problem.total_particles();
-    eprintln!("{}: {particles} particles, {} frames; {}", scene.name, problem.frames, describe(&backend));
-    eprintln!("{}", integration(&problem));
+    let particles = setup.total_particles();
+    eprintln!("{}: {particles} particles, {} frames; {}", scene.name, setup.frames, describe(&backend));
+    eprintln!("{}", integration(&setup));
 
     let interrupted = interrupt::flag().map_err(|error| CliError::Failed(error.to_string()))?;
     let started = Instant::now();
-    let progress = Progress { bar: bar(u64::from(problem.frames)), interrupted, particles, started };
-    let ran = run::run(&scene.to_json(), &problem, engine.as_mut(), &outputs, &progress);
+    let progress = Progress { bar: bar(u64::from(setup.frames)), interrupted, particles, started };
+    let ran = run::run(&scene.to_json(), &setup, &appearance, engine.as_mut(), &outputs, &progress);
     progress.bar.finish_and_clear();
     let summary = ran.map_err(|error| match error {
         RunError::Engine(EngineError::Canceled) => {
@@ -91,8 +94,8 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
             "wall_s": wall_s,
             "particle_steps_per_s": speed,
             "backend": backend,
-            "integrator": problem.integrator,
-            "integrator_reason": problem.integrator_reason,
+            "integrator": setup.integrator,
+            "integrator_reason": setup.integrator_reason,
         });
         println!("{report:#}");
     } else {
@@ -136,8 +139,8 @@ pub fn describe(backend: &Backend) -> String {
 }
 
 /// How the problem is integrated, and why.
-pub fn integration(problem: &Problem) -> String {
-    format!("{}: {}", problem.integrator.name(), problem.integrator_reason)
+pub fn integration(setup: &Setup) -> String {
+    format!("{}: {}", setup.integrator.name(), setup.integrator_reason)
 }
 
 /// A bar on standard error; nothing when that is not a terminal.

@@ -2,11 +2,14 @@
 
 use std::sync::Arc;
 
-use crate::contract::{Engine, EngineError};
+use super::contract::{Engine, EngineError};
+use super::implicit::ImplicitEngine;
 use crate::explicit::cpu::CpuEngine;
-use crate::gpu::{Gpu, GpuEngine, implicit, supports};
-use crate::implicit::ImplicitEngine;
-use gridfall_core::sim::problem::{Integrator, Problem};
+use crate::explicit::gpu::{GpuEngine, supports};
+use crate::gpu::Gpu;
+use crate::implicit::gpu as implicit;
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::setup::{Integrator, Setup};
 
 /// What the user asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -49,14 +52,14 @@ impl Devices {
     /// Loads a problem on the device that suits it.
     ///
     /// Errors: the scene is not for the GPU though the GPU was asked for, or does not fit.
-    pub fn engine(&self, problem: &Problem) -> Result<Box<dyn Engine>, EngineError> {
+    pub fn engine(&self, setup: &Setup, particles: Particles) -> Result<Box<dyn Engine>, EngineError> {
         let Some(gpu) = &self.gpu else {
-            return on_cpu(problem, &self.reason);
+            return on_cpu(setup, particles, &self.reason);
         };
-        let fits = if problem.integrator == Integrator::Implicit { implicit::supports } else { supports };
-        match fits(problem) {
-            Ok(()) => on_gpu(gpu.clone(), problem, &self.reason),
-            Err(why) if self.choice == Choice::Auto => on_cpu(problem, &why),
+        let fits = if setup.integrator == Integrator::Implicit { implicit::supports } else { supports };
+        match fits(setup) {
+            Ok(()) => on_gpu(gpu.clone(), setup, particles, &self.reason),
+            Err(why) if self.choice == Choice::Auto => on_cpu(setup, particles, &why),
             Err(why) => Err(EngineError::Unsupported(format!("{why}; use --backend cpu or auto"))),
         }
     }
@@ -72,16 +75,16 @@ impl Devices {
     }
 }
 
-fn on_cpu(problem: &Problem, reason: &str) -> Result<Box<dyn Engine>, EngineError> {
-    Ok(match problem.integrator {
-        Integrator::Implicit => Box::new(ImplicitEngine::new(problem)?.because(reason)),
-        _ => Box::new(CpuEngine::new(problem)?.because(reason)),
+fn on_cpu(setup: &Setup, particles: Particles, reason: &str) -> Result<Box<dyn Engine>, EngineError> {
+    Ok(match setup.integrator {
+        Integrator::Implicit => Box::new(ImplicitEngine::new(setup, particles)?.because(reason)),
+        _ => Box::new(CpuEngine::new(setup, particles)?.because(reason)),
     })
 }
 
-fn on_gpu(gpu: Arc<Gpu>, problem: &Problem, reason: &str) -> Result<Box<dyn Engine>, EngineError> {
-    Ok(match problem.integrator {
-        Integrator::Implicit => Box::new(implicit::GpuImplicitEngine::new(gpu, problem, reason)?),
-        _ => Box::new(GpuEngine::new(gpu, problem, reason)?),
+fn on_gpu(gpu: Arc<Gpu>, setup: &Setup, particles: Particles, reason: &str) -> Result<Box<dyn Engine>, EngineError> {
+    Ok(match setup.integrator {
+        Integrator::Implicit => Box::new(implicit::GpuImplicitEngine::new(gpu, setup, particles, reason)?),
+        _ => Box::new(GpuEngine::new(gpu, setup, particles, reason)?),
     })
 }

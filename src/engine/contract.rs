@@ -97,8 +97,8 @@ pub trait Engine {
     fn advance_frame(&mut self, frame_s: f64, control: &dyn Control) -> Result<FrameStats, EngineError>;
 
     /// Adds particles at a frame boundary; their ids follow those that are there. In all there may be as many as
-    /// [`gridfall_core::sim::problem::Problem::total_particles`] of the problem that was loaded.
-    fn append(&mut self, particles: &Particles) -> Result<(), EngineError>;
+    /// [`gridfall_core::sim::setup::Setup::total_particles`] of the problem that was loaded.
+    fn append(&mut self, particles: Particles) -> Result<(), EngineError>;
 
     /// Particle states at the last frame boundary, in sampling order.
     fn snapshot(&mut self) -> Result<Particles, EngineError>;

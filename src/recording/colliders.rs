@@ -13,22 +13,22 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use super::surface;
 use super::writer::WORLD;
 use gridfall_core::sim::collider::{Collider, Primitive, Sdf, SdfOp};
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Setup;
 
 /// Cells along the longest side of a meshed collider.
 const RESOLUTION: usize = 64;
 
 /// Which colliders are there.
-pub fn present(problem: &Problem, time_s: f64) -> Vec<bool> {
-    problem.colliders.iter().map(|collider| collider.is_present(time_s)).collect()
+pub fn present(setup: &Setup, time_s: f64) -> Vec<bool> {
+    setup.colliders.iter().map(|collider| collider.is_present(time_s)).collect()
 }
 
 /// The shapes of all colliders that are there, as they were at time 0, and the removal of all others.
-pub fn scene(problem: &Problem, present: &[bool], timestamp: Timestamp) -> SceneUpdate {
+pub fn scene(setup: &Setup, present: &[bool], timestamp: Timestamp) -> SceneUpdate {
     let mut entities =
-        vec![SceneEntity { lines: vec![domain_outline(problem)], ..entity("domain", WORLD.into(), timestamp) }];
+        vec![SceneEntity { lines: vec![domain_outline(setup)], ..entity("domain", WORLD.into(), timestamp) }];
     let mut deletions = Vec::new();
-    for (collider, present) in problem.colliders.iter().zip(present) {
+    for (collider, present) in setup.colliders.iter().zip(present) {
         if !present {
             deletions.push(SceneEntityDeletion {
                 timestamp: Some(timestamp),
@@ -39,15 +39,15 @@ pub fn scene(problem: &Problem, present: &[bool], timestamp: Timestamp) -> Scene
         }
         let frame = if collider.motion.moves() { frame_name(collider) } else { WORLD.into() };
         let mut shape = entity(&collider.name, frame, timestamp);
-        draw(problem, collider, &mut shape);
+        draw(setup, collider, &mut shape);
         entities.push(shape);
     }
     SceneUpdate { entities, deletions }
 }
 
 /// Where the frames of the moving colliders are.
-pub fn transforms(problem: &Problem, time_s: f64, timestamp: Timestamp) -> Vec<FrameTransform> {
-    let moving = problem.colliders.iter().filter(|collider| collider.motion.moves());
+pub fn transforms(setup: &Setup, time_s: f64, timestamp: Timestamp) -> Vec<FrameTransform> {
+    let moving = setup.colliders.iter().filter(|collider| collider.motion.moves());
     let transform = |collider: &Collider| {
         let pose = collider.motion.pose(time_s);
         FrameTransform {
@@ -67,13 +67,13 @@ pub fn translucent(collider: &Collider) -> bool {
 }
 
 /// Lower and upper corner of the domain; 2D scenes get one cell of thickness about z = 0.
-pub fn domain_box(problem: &Problem) -> [[f64; 3]; 2] {
-    let lower = problem.origin;
-    let upper = std::array::from_fn(|a| lower[a] + problem.cells[a] as f64 * problem.dx);
-    if problem.dimension == 3 {
+pub fn domain_box(setup: &Setup) -> [[f64; 3]; 2] {
+    let lower = setup.origin;
+    let upper = std::array::from_fn(|a| lower[a] + setup.cells[a] as f64 * setup.dx);
+    if setup.dimension == 3 {
         return [lower, upper];
     }
-    let half = 0.5 * problem.dx;
+    let half = 0.5 * setup.dx;
     [[lower[0], lower[1], -half], [upper[0], upper[1], half]]
 }
 
@@ -94,10 +94,10 @@ fn entity(id: &str, frame_id: String, timestamp: Timestamp) -> SceneEntity {
 }
 
 /// Adds a solid to an entity: as one of the viewer's primitives where there is one, else as triangles.
-fn draw(problem: &Problem, collider: &Collider, entity: &mut SceneEntity) {
+fn draw(setup: &Setup, collider: &Collider, entity: &mut SceneEntity) {
     let sdf: &Sdf = &collider.sdf;
     let color = Some(Color { r: 0.55, g: 0.58, b: 0.62, a: if translucent(collider) { 0.4 } else { 1.0 } });
-    if let ([SdfOp::Primitive { primitive, rotation, translation }], 3) = (sdf.ops.as_slice(), problem.dimension) {
+    if let ([SdfOp::Primitive { primitive, rotation, translation }], 3) = (sdf.ops.as_slice(), setup.dimension) {
         // The program's rotation leads into the primitive's frame; a pose leads out of it.
         let orientation = Matrix3::from_row_slice(rotation).transpose();
         let pose = Some(Pose { position: Some(vector(*translation)), orientation: Some(unit_quaternion(orientation)) });
@@ -134,14 +134,14 @@ fn draw(problem: &Problem, collider: &Collider, entity: &mut SceneEntity) {
             Primitive::Capsule(..) | Primitive::Torus(..) | Primitive::HalfSpace | Primitive::Grid(..) => {}
         }
     }
-    let [domain_lower, domain_upper] = domain_box(problem);
+    let [domain_lower, domain_upper] = domain_box(setup);
     let [lower, upper] = sdf.bounds();
     let lower: [f64; 3] = std::array::from_fn(|a| lower[a].max(domain_lower[a]));
     let upper: [f64; 3] = std::array::from_fn(|a| upper[a].min(domain_upper[a]));
     if (0..3).any(|a| lower[a] >= upper[a]) {
         return;
     }
-    let flat = if problem.dimension == 3 { 1.0 } else { 0.0 };
+    let flat = if setup.dimension == 3 { 1.0 } else { 0.0 };
     let mesh = surface::mesh(|x| sdf.distance([x[0], x[1], flat * x[2]]), lower, upper, RESOLUTION);
     entity.triangles.push(TriangleListPrimitive {
         pose: Some(Pose {
@@ -155,8 +155,8 @@ fn draw(problem: &Problem, collider: &Collider, entity: &mut SceneEntity) {
     });
 }
 
-fn domain_outline(problem: &Problem) -> LinePrimitive {
-    let corners = domain_box(problem);
+fn domain_outline(setup: &Setup) -> LinePrimitive {
+    let corners = domain_box(setup);
     let corner = |k: usize| point([corners[k & 1][0], corners[k >> 1 & 1][1], corners[k >> 2][2]]);
     let edges = (0..8).flat_map(|k| [1, 2, 4].into_iter().filter(move |bit| k & bit == 0).map(move |bit| (k, k | bit)));
     LinePrimitive {

@@ -4,6 +4,7 @@
 //! `/diagnostics` message and a closed chunk. Whatever is on disk up to the last closed frame can be made a valid, indexed
 //! file by adding an index behind it ([`snapshot`], [`recover`]). A finished recording is renamed to `NAME.mcap`.
 
+mod appearance;
 mod colliders;
 mod diagnostics;
 mod palette;
@@ -18,6 +19,7 @@ mod writer;
 use std::io;
 use std::path::{Path, PathBuf};
 
+pub use appearance::Appearance;
 pub use picture::{Camera, thumbnail};
 pub use recovery::{Snapshot, recover, snapshot};
 pub use writer::{Header, Severity, Writer};

@@ -1,6 +1,8 @@
 //! Colours of particles, the same in point clouds and pictures: a hue for each body, brighter where it moves fast.
 
-use gridfall_core::sim::problem::{Material, Problem};
+use gridfall_core::sim::setup::{Material, Setup};
+
+use crate::appearance::Appearance;
 
 /// Linear RGB, 0 to 1.
 pub type Rgb = [f32; 3];
@@ -26,17 +28,17 @@ pub struct Palette {
 }
 
 impl Palette {
-    pub fn new(problem: &Problem) -> Self {
+    pub fn new(setup: &Setup, appearance: &Appearance) -> Self {
         let (mut fluids, mut solids) = (FLUIDS.iter().cycle(), SOLIDS.iter().cycle());
-        let bodies = problem.bodies.iter().map(|body| {
-            let (hue, lightening, gloss) = match problem.materials[body.material] {
+        let bodies = setup.bodies.iter().map(|body| {
+            let (hue, lightening, gloss) = match setup.materials[body.material] {
                 Material::WeaklyCompressibleFluid(_) => (fluids.next(), 0.75, 0.7),
                 _ => (solids.next(), 0.35, 0.2),
             };
             let base = hue.expect("a cycle has no end").map(from_srgb);
             ([base, base.map(|c| c + (0.95 - c) * lightening)], gloss)
         });
-        Self { bodies: bodies.collect(), full_speed_m_s: characteristic_speed(problem) }
+        Self { bodies: bodies.collect(), full_speed_m_s: appearance.full_speed_m_s }
     }
 
     /// Colour of a particle of a body at a speed (m/s).
@@ -50,15 +52,6 @@ impl Palette {
     pub fn gloss(&self, body: u32) -> f32 {
         self.bodies[body as usize].1
     }
-}
-
-/// The larger of twice the initial top speed and the speed of a fall through the domain; 1 m/s where nothing moves.
-fn characteristic_speed(problem: &Problem) -> f64 {
-    let sources = problem.sources.iter().map(|source| &source.velocity);
-    let fastest = problem.particles.v.iter().chain(sources).map(|v| v.iter().map(|c| c * c).sum()).fold(0.0, f64::max);
-    let fall: f64 = (0..3).map(|a| 2.0 * problem.gravity[a].abs() * problem.cells[a] as f64 * problem.dx).sum();
-    let speed = (4.0 * fastest).max(fall).sqrt();
-    if speed > 0.0 { speed } else { 1.0 }
 }
 
 /// One channel, sRGB to linear.

@@ -4,11 +4,12 @@ use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{PackedElementField, PointCloud, Pose, Quaternion, Timestamp, Vector3};
 use rayon::prelude::*;
 
+use super::appearance::Appearance;
 use super::palette::{Palette, to_srgb};
 use gridfall_core::material;
 use gridfall_core::sim::diagnostics::determinant;
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{Field, Problem};
+use gridfall_core::sim::setup::{Field, Setup};
 
 /// Which particles are recorded and how a point is laid out; the same for all frames.
 pub struct Points {
@@ -20,7 +21,7 @@ pub struct Points {
 }
 
 impl Points {
-    pub fn new(problem: &Problem) -> Self {
+    pub fn new(setup: &Setup, appearance: &Appearance) -> Self {
         let mut layout = Vec::new();
         let mut stride = 0;
         let mut add = |name: &str, kind: NumericType, size: u32| {
@@ -28,21 +29,21 @@ impl Points {
             stride += size;
         };
         ["x", "y", "z"].iter().for_each(|name| add(name, NumericType::Float32, 4));
-        for field in &problem.fields {
+        for field in &setup.fields {
             names(*field).iter().for_each(|name| add(name, NumericType::Float32, 4));
         }
         // Viewers take these four names for the points' colours without being told.
         ["red", "green", "blue", "alpha"].iter().for_each(|name| add(name, NumericType::Uint8, 1));
-        let selected = select(problem.total_particles(), problem.preview_points, problem.seed);
-        Self { selected, palette: Palette::new(problem), stride: stride as usize, layout }
+        let selected = select(setup.total_particles(), setup.preview_points, setup.seed);
+        Self { selected, palette: Palette::new(setup, appearance), stride: stride as usize, layout }
     }
 
     /// The frame's point cloud.
-    pub fn message(&self, problem: &Problem, particles: &Particles, timestamp: Timestamp) -> PointCloud {
+    pub fn message(&self, setup: &Setup, particles: &Particles, timestamp: Timestamp) -> PointCloud {
         let present = self.selected.partition_point(|&p| (p as usize) < particles.len());
         let mut data = vec![0u8; self.stride * present];
         data.par_chunks_mut(self.stride).zip(&self.selected).for_each(|(bytes, &p)| {
-            self.write_point(problem, particles, p as usize, bytes);
+            self.write_point(setup, particles, p as usize, bytes);
         });
         PointCloud {
             timestamp: Some(timestamp),
@@ -57,14 +58,14 @@ impl Points {
         }
     }
 
-    fn write_point(&self, problem: &Problem, particles: &Particles, p: usize, bytes: &mut [u8]) {
+    fn write_point(&self, setup: &Setup, particles: &Particles, p: usize, bytes: &mut [u8]) {
         let (scalars, rgba) = bytes.split_at_mut(self.stride - 4);
         let v = particles.v[p];
-        let fields = problem.fields.iter().flat_map(|field| match field {
+        let fields = setup.fields.iter().flat_map(|field| match field {
             Field::Velocity => v.to_vec(),
             Field::J => vec![determinant(&particles.f[p])],
-            Field::VonMises => vec![von_mises(&cauchy(problem, particles, p))],
-            Field::Pressure => vec![pressure(&cauchy(problem, particles, p))],
+            Field::VonMises => vec![von_mises(&cauchy(setup, particles, p))],
+            Field::Pressure => vec![pressure(&cauchy(setup, particles, p))],
         });
         for (slot, value) in scalars.chunks_exact_mut(4).zip(particles.x[p].into_iter().chain(fields)) {
             slot.copy_from_slice(&(value as f32).to_le_bytes());
@@ -85,10 +86,10 @@ fn names(field: Field) -> &'static [&'static str] {
     }
 }
 
-fn cauchy(problem: &Problem, particles: &Particles, p: usize) -> [f64; 9] {
-    let body = &problem.bodies[particles.body[p] as usize];
-    let material = &problem.materials[body.material];
-    material::cauchy(material, problem.dimension, &particles.f[p], particles.plastic[p])
+fn cauchy(setup: &Setup, particles: &Particles, p: usize) -> [f64; 9] {
+    let body = &setup.bodies[particles.body[p] as usize];
+    let material = &setup.materials[body.material];
+    material::cauchy(material, setup.dimension, &particles.f[p], particles.plastic[p])
 }
 
 fn pressure(s: &[f64; 9]) -> f64 {

@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::thread;
 
-use crate::{self as recording, Header, RecordingError, Severity, Writer};
+use crate::{self as recording, Appearance, Header, RecordingError, Severity, Writer};
 use gridfall_core::sim::diagnostics::{Row, SolverRow};
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Setup;
 use gridfall_engine::{Control, Engine, EngineError, FrameStats, Solve};
 
 /// Where a run's results go.
@@ -86,12 +86,13 @@ impl RunError {
 /// The engine's error (cancellation among them), or that of a file that cannot be written.
 pub fn run(
     scene_json: &str,
-    problem: &Problem,
+    setup: &Setup,
+    appearance: &Appearance,
     engine: &mut dyn Engine,
     out: &Outputs,
     observer: &dyn Observer,
 ) -> Result<Summary, RunError> {
-    let mut keeper = Keeper::create(problem, engine, out, scene_json)?;
+    let mut keeper = Keeper::create(setup, appearance, engine, out, scene_json)?;
     let outcome = keeper.simulate(engine, observer);
     let kept = keeper.finish(out, outcome.as_ref().err());
     outcome.and(kept)
@@ -99,32 +100,32 @@ pub fn run(
 
 /// Simulates the frame after frame boundary `frame`: what sources emit then, and all particles' motion.
 pub fn advance(
-    problem: &Problem,
+    setup: &Setup,
     engine: &mut dyn Engine,
     frame: u32,
     control: &dyn Control,
 ) -> Result<FrameStats, EngineError> {
-    let emission = problem.emission(frame);
+    let emission = setup.emission(frame);
     if !emission.is_empty() {
-        engine.append(&emission)?;
+        engine.append(emission)?;
     }
-    engine.advance_frame(problem.frame_s, control)
+    engine.advance_frame(setup.frame_s, control)
 }
 
 /// Computes all frames and hands each over, until `take` refuses one.
 fn step(
-    problem: &Problem,
+    setup: &Setup,
     engine: &mut dyn Engine,
     observer: &dyn Observer,
     take: impl Fn((u64, Particles, FrameStats)) -> bool,
 ) -> Result<(), EngineError> {
     let mut stats = FrameStats::default();
-    for frame in 0..=u64::from(problem.frames) {
+    for frame in 0..=u64::from(setup.frames) {
         if frame > 0 {
             if observer.canceled() {
                 return Err(EngineError::Canceled);
             }
-            stats = advance(problem, engine, frame as u32 - 1, observer)?;
+            stats = advance(setup, engine, frame as u32 - 1, observer)?;
         }
         if !take((frame, engine.snapshot()?, std::mem::take(&mut stats))) {
             break;
@@ -168,7 +169,8 @@ fn unconverged(solves: &[Solve], tolerance: f64) -> Option<String> {
 
 /// The files of a run.
 struct Keeper<'a> {
-    problem: &'a Problem,
+    setup: &'a Setup,
+    appearance: &'a Appearance,
     writer: Writer,
     csv: Option<Table>,
     solver: Option<Table>,
@@ -177,24 +179,30 @@ struct Keeper<'a> {
 }
 
 impl<'a> Keeper<'a> {
-    fn create(problem: &'a Problem, engine: &dyn Engine, out: &Outputs, scene_json: &str) -> Result<Self, RunError> {
+    fn create(
+        setup: &'a Setup,
+        appearance: &'a Appearance,
+        engine: &dyn Engine,
+        out: &Outputs,
+        scene_json: &str,
+    ) -> Result<Self, RunError> {
         let backend = engine.backend();
-        let mut writer = Writer::create(&out.recording, &Header { problem, scene_json, backend })?;
-        let (name, particles) = (&problem.name, problem.total_particles());
+        let mut writer = Writer::create(&out.recording, &Header { setup, appearance, scene_json, backend })?;
+        let (name, particles) = (&setup.name, setup.total_particles());
         let device = &backend.device;
         writer.log(Severity::Info, format!("{name}: {particles} particles on {device} ({})", backend.reason));
-        let integrator = problem.integrator.name();
-        writer.log(Severity::Info, format!("{integrator} integration: {}", problem.integrator_reason));
+        let integrator = setup.integrator.name();
+        writer.log(Severity::Info, format!("{integrator} integration: {}", setup.integrator_reason));
         let table =
             |path: &Option<PathBuf>, header: String| path.as_ref().map(|p| Table::create(p, header)).transpose();
-        let csv = table(&out.diagnostics, Row::csv_header(problem))?;
+        let csv = table(&out.diagnostics, Row::csv_header(setup))?;
         let solver = table(&out.solver, SolverRow::csv_header())?;
-        Ok(Self { problem, writer, csv, solver, summary: Summary::default(), last: None })
+        Ok(Self { setup, appearance, writer, csv, solver, summary: Summary::default(), last: None })
     }
 
     /// Steps on this thread; measures and records each frame on another while the next one is computed.
     fn simulate(&mut self, engine: &mut dyn Engine, observer: &dyn Observer) -> Result<Summary, RunError> {
-        let problem = self.problem;
+        let setup = self.setup;
         // Without a buffer: two frames are in memory at most.
         let (sender, receiver) = mpsc::sync_channel(0);
         let keeper = &mut *self;
@@ -204,7 +212,7 @@ impl<'a> Keeper<'a> {
                     .into_iter()
                     .try_for_each(|(frame, particles, stats)| keeper.keep(frame, particles, &stats, observer))
             });
-            let stepped = step(problem, engine, observer, |frame| sender.send(frame).is_ok());
+            let stepped = step(setup, engine, observer, |frame| sender.send(frame).is_ok());
             drop(sender);
             (stepped, keeping.join().unwrap_or_else(|panic| resume_unwind(panic)))
         });
@@ -222,18 +230,18 @@ impl<'a> Keeper<'a> {
         observer: &dyn Observer,
     ) -> Result<(), RunError> {
         self.last = None;
-        let problem = self.problem;
-        let time_s = frame as f64 * problem.frame_s;
-        let row = Row::measure(problem, &particles, frame, time_s, stats);
+        let setup = self.setup;
+        let time_s = frame as f64 * setup.frame_s;
+        let row = Row::measure(setup, &particles, frame, time_s, stats);
         if stats.isolated_reset > 0 {
             let message = format!("{} particles were alone on their nodes and were reset", stats.isolated_reset);
             self.writer.log(Severity::Warning, message);
         }
-        if let Some(message) = unconverged(&stats.solves, problem.implicit.tolerance) {
+        if let Some(message) = unconverged(&stats.solves, setup.implicit.tolerance) {
             self.writer.log(Severity::Warning, message);
         }
         let steps = SolverRow::of_frame(frame, self.summary.steps, &stats.solves);
-        self.writer.frame(problem, &particles, &row, &steps)?;
+        self.writer.frame(setup, &particles, &row, &steps)?;
         if let Some(table) = &mut self.csv {
             table.line(&row.csv())?;
         }
@@ -244,9 +252,9 @@ impl<'a> Keeper<'a> {
         self.summary = Summary { frames_written: frame + 1, steps: self.summary.steps + stats.steps, time_s };
         observer.frame(&FrameReport {
             frame,
-            frames: problem.frames.into(),
+            frames: setup.frames.into(),
             time_s,
-            end_s: f64::from(problem.frames) * problem.frame_s,
+            end_s: f64::from(setup.frames) * setup.frame_s,
             steps: self.summary.steps,
             row: &row,
         });
@@ -273,7 +281,7 @@ impl<'a> Keeper<'a> {
         let result = BTreeMap::from(entries.map(|(key, value)| (key.to_owned(), value)));
         self.writer.finish(result)?;
         if let (Some(path), Some(particles)) = (&out.thumbnail, &self.last) {
-            recording::write_file(path, &recording::thumbnail(self.problem, particles, time_s))?;
+            recording::write_file(path, &recording::thumbnail(self.setup, self.appearance, particles, time_s))?;
         }
         Ok(self.summary)
     }

@@ -17,10 +17,11 @@ use sha2::{Digest, Sha256};
 use super::picture::Camera;
 use super::points::Points;
 use super::{RecordingError, colliders, diagnostics, partial_path, publish};
+use crate::appearance::Appearance;
 use crate::provenance;
 use gridfall_core::sim::diagnostics::{Row, SolverRow};
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Setup;
 use gridfall_engine::Backend;
 
 /// Coordinate frame of all that stands still.
@@ -33,7 +34,8 @@ const COMPRESSION_THREADS: u32 = 2;
 
 /// What a recording says about its run, before the first frame.
 pub struct Header<'a> {
-    pub problem: &'a Problem,
+    pub setup: &'a Setup,
+    pub appearance: &'a Appearance,
     /// The scene document, attached as it is.
     pub scene_json: &'a str,
     pub backend: &'a Backend,
@@ -82,8 +84,8 @@ impl Writer {
     pub fn create(target: &Path, header: &Header) -> Result<Self, RecordingError> {
         let partial = partial_path(target);
         let file = File::create(&partial).map_err(RecordingError::io("create", &partial))?;
-        let points = Points::new(header.problem);
-        let camera = Camera::film(header.problem);
+        let points = Points::new(header.setup, header.appearance);
+        let camera = Camera::film(header.setup, header.appearance);
         let start = || -> Result<_, McapError> {
             // Without seeking the file only ever grows, so that its prefixes can be read while it is written.
             let options = WriteOptions::new()
@@ -127,7 +129,7 @@ impl Writer {
     /// When the file cannot be written.
     pub fn frame(
         &mut self,
-        problem: &Problem,
+        setup: &Setup,
         particles: &Particles,
         row: &Row,
         steps: &[SolverRow],
@@ -138,18 +140,18 @@ impl Writer {
         }
         let (nanos, timestamp) = stamp(row.time_s);
         self.now = (row.frame as u32, nanos);
-        let present = Some(colliders::present(problem, row.time_s));
+        let present = Some(colliders::present(setup, row.time_s));
         if present != self.present {
             let shown = present.as_deref().unwrap_or_default();
-            self.message(self.channels.colliders, &colliders::scene(problem, shown, timestamp))?;
+            self.message(self.channels.colliders, &colliders::scene(setup, shown, timestamp))?;
             self.present = present;
         }
-        for transform in colliders::transforms(problem, row.time_s, timestamp) {
+        for transform in colliders::transforms(setup, row.time_s, timestamp) {
             self.message(self.channels.tf, &transform)?;
         }
-        let points = self.points.message(problem, particles, timestamp);
+        let points = self.points.message(setup, particles, timestamp);
         self.message(self.channels.particles, &points)?;
-        let picture = self.camera.render(problem, particles, row.time_s);
+        let picture = self.camera.render(setup, particles, row.time_s);
         let image = CompressedImage {
             timestamp: Some(timestamp),
             frame_id: WORLD.into(),
@@ -234,7 +236,7 @@ fn add_channels(mcap: &mut mcap::Writer<NoSeek<BufWriter<File>>>) -> Result<Chan
 
 /// The metadata records `build`, `run` and `hardware`.
 fn provenance_records(header: &Header, points: &Points) -> [(&'static str, BTreeMap<String, String>); 3] {
-    let Header { problem, scene_json, backend } = header;
+    let Header { setup, scene_json, backend, .. } = header;
     let record = |pairs: &[(&str, String)]| pairs.iter().map(|(key, value)| (key.to_string(), value.clone())).collect();
     let hash: String = Sha256::digest(scene_json.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
     let build = record(&[
@@ -243,18 +245,18 @@ fn provenance_records(header: &Header, points: &Points) -> [(&'static str, BTree
         ("target", provenance::TARGET.into()),
     ]);
     let run = record(&[
-        ("name", problem.name.clone()),
-        ("dimension", problem.dimension.to_string()),
-        ("kernel", format!("{:?}", problem.kernel).to_lowercase()),
-        ("transfer", format!("{:?}", problem.transfer).to_lowercase()),
-        ("integrator", problem.integrator.name().into()),
-        ("integrator_reason", problem.integrator_reason.clone()),
-        ("dx_m", problem.dx.to_string()),
-        ("frames", (u64::from(problem.frames) + 1).to_string()),
-        ("frame_s", problem.frame_s.to_string()),
-        ("particles", problem.total_particles().to_string()),
+        ("name", setup.name.clone()),
+        ("dimension", setup.dimension.to_string()),
+        ("kernel", format!("{:?}", setup.kernel).to_lowercase()),
+        ("transfer", format!("{:?}", setup.transfer).to_lowercase()),
+        ("integrator", setup.integrator.name().into()),
+        ("integrator_reason", setup.integrator_reason.clone()),
+        ("dx_m", setup.dx.to_string()),
+        ("frames", (u64::from(setup.frames) + 1).to_string()),
+        ("frame_s", setup.frame_s.to_string()),
+        ("particles", setup.total_particles().to_string()),
         ("points", points.selected.len().to_string()),
-        ("decimation", (points.selected.len() as f64 / problem.total_particles().max(1) as f64).to_string()),
+        ("decimation", (points.selected.len() as f64 / setup.total_particles().max(1) as f64).to_string()),
     ]);
     let hardware = record(&[
         ("backend", backend.kind.clone()),
@@ -262,8 +264,8 @@ fn provenance_records(header: &Header, points: &Points) -> [(&'static str, BTree
         ("driver", backend.driver.clone()),
         ("software", backend.software.to_string()),
         ("reason", backend.reason.clone()),
-        ("precision", format!("{:?}", problem.precision_on(&backend.kind)).to_lowercase()),
-        ("seed", problem.seed.to_string()),
+        ("precision", format!("{:?}", setup.precision_on(&backend.kind)).to_lowercase()),
+        ("seed", setup.seed.to_string()),
         ("scene_sha256", hash),
     ]);
     [("build", build), ("run", run), ("hardware", hardware)]

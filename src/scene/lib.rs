@@ -1,5 +1,5 @@
 //! Scenes: the versioned JSON that users write, its faults, and its way to a
-//! [`gridfall_core::sim::problem::Problem`].
+//! [`gridfall_core::sim::setup::Problem`].
 //!
 //! A document passes through `document` (syntax), `overrides`, `structure` (types and fields),
 //! `resolve` (files, sampled shapes), `validate` (meaning) and `build` (sampling). What `resolve`
@@ -44,7 +44,7 @@ use serde_json::Value;
 use assets::{Assets, NoAssets};
 use fault::Faults;
 use gridfall_core::sim::cost;
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Problem;
 use resolve::Resolved;
 
 /// Reads a scene: syntax and structure. When the structure is at fault, the meaning of the rest is
@@ -112,16 +112,17 @@ pub fn problem_with(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Resu
     let resolved = judge(scene, limits, assets)?;
     let mut faults = Faults::default();
     let problem = build::build(scene, &resolved);
-    for (n, body) in problem.bodies.iter().take(scene.bodies.len()).enumerate() {
+    for (n, body) in problem.setup.bodies.iter().take(scene.bodies.len()).enumerate() {
         if body.particles.is_empty() {
             let at = format!("/bodies/{n}/shape");
             faults.add(&at, "no_particles", "no random point fell into the shape", "make the shape larger or lower dx");
         }
     }
-    let cost::Prediction { plan, steps, .. } = cost::chosen(&problem);
+    let cost::Prediction { plan, steps, .. } = cost::chosen(&problem.setup, &problem.particles);
     if steps > limits.max_steps {
         let reason = format!("the run takes {steps} steps of {:.2e} s; the limit is {}", plan.dt_s, limits.max_steps);
-        let remedy = format!("end earlier, or lengthen the step, which is set by {}", plan.bound.explain(&problem));
+        let remedy =
+            format!("end earlier, or lengthen the step, which is set by {}", plan.bound.explain(&problem.setup));
         faults.add("/time/end", "too_many_steps", reason, remedy);
     }
     if faults.is_empty() { Ok(problem) } else { Err(faults.into_vec()) }

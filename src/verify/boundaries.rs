@@ -9,7 +9,7 @@ use super::report::Rule;
 use super::session::Session;
 use super::setup::{Scheme, elastic, problem};
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{Kernel, Problem, Transfer};
+use gridfall_core::sim::setup::{Kernel, Problem, Transfer};
 use gridfall_core::sim::timestep::{elastic_bounds_s, moduli};
 use gridfall_engine::{EngineError, NoControl};
 
@@ -45,10 +45,10 @@ fn planned_growth(session: &Session, problem: &Problem, time_s: f64, reference_m
 
 /// Steps (s) of Courant number 1 by the speed of P waves, and of the single-particle bound, for a problem of one material.
 fn steps_s(problem: &Problem) -> (f64, f64) {
-    let body = &problem.bodies[0];
-    let (lambda, mu, _) = moduli(&problem.materials[body.material]);
+    let body = &problem.setup.bodies[0];
+    let (lambda, mu, _) = moduli(&problem.setup.materials[body.material]);
     let rho = body.mass / body.volume0;
-    (problem.dx * (rho / (lambda + 2.0 * mu)).sqrt(), elastic_bounds_s(problem, lambda, mu, rho).1)
+    (problem.setup.dx * (rho / (lambda + 2.0 * mu)).sqrt(), elastic_bounds_s(&problem.setup, lambda, mu, rho).1)
 }
 
 /// Keeps the particles of a problem of one body for which `kept` says so (index, position).
@@ -63,7 +63,7 @@ fn prune(problem: &mut Problem, kept: impl Fn(usize, [f64; 3]) -> bool) {
         plastic: chosen.iter().map(|&p| all.plastic[p]).collect(),
         body: vec![0; chosen.len()],
     };
-    problem.bodies[0].particles = 0..chosen.len();
+    problem.setup.bodies[0].particles = 0..chosen.len();
 }
 
 pub const SPINNING_DISK: Case = Case {

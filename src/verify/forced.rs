@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 
 use gridfall_core::sim::moments::moment_matrix;
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{Problem, Transfer};
+use gridfall_core::sim::setup::{Problem, Transfer};
 use gridfall_engine::explicit::cpu::{NodeState, Stages, stages};
 
 /// A simulation at a fixed step, without the guards of the engine.
@@ -20,7 +20,7 @@ pub struct Forced {
 
 impl Forced {
     pub fn new(problem: &Problem, dt_s: f64) -> Self {
-        let mut stages = stages(problem);
+        let mut stages = stages(&problem.setup, problem.particles.clone());
         stages.start_frame();
         stages.p2g(dt_s);
         Self { stages, dt_s, time_s: 0.0, watched: false, nodes: Vec::new() }
@@ -72,11 +72,11 @@ impl Forced {
 /// Adds noise, uniform in ±`size` of each unit, to v (m/s), C (1/s) and F of every particle. Seeded.
 pub fn add_noise(problem: &mut Problem, size: f64, seed: u64) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let d = problem.dimension;
+    let d = problem.setup.dimension;
     for p in 0..problem.particles.len() {
         let x = problem.particles.x[p];
-        let units = std::array::from_fn(|a| (x[a] - problem.origin[a]) / problem.dx);
-        let moment = moment_matrix(problem.kernel, units, problem.dx, d);
+        let units = std::array::from_fn(|a| (x[a] - problem.setup.origin[a]) / problem.setup.dx);
+        let moment = moment_matrix(problem.setup.kernel, units, problem.setup.dx, d);
         let mut c = [0.0; 9];
         for i in 0..d {
             problem.particles.v[p][i] += random.random_range(-size..size);
@@ -85,7 +85,7 @@ pub fn add_noise(problem: &mut Problem, size: f64, seed: u64) {
                 problem.particles.f[p][3 * i + j] += random.random_range(-size..size);
             }
         }
-        if problem.transfer != Transfer::Pic {
+        if problem.setup.transfer != Transfer::Pic {
             for k in 0..9 {
                 problem.particles.b[p][k] += (0..3).map(|j| c[3 * (k / 3) + j] * moment[3 * j + k % 3]).sum::<f64>();
             }

@@ -9,7 +9,7 @@ use super::report::Rule;
 use super::session::Session;
 use super::setup::{Scheme, Vec3, elastic, problem, set_velocity};
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{Integrator, Kernel, Problem, Transfer};
+use gridfall_core::sim::setup::{Integrator, Kernel, Problem, Transfer};
 use gridfall_engine::implicit::ImplicitEngine;
 use gridfall_engine::{Engine, EngineError, NoControl};
 
@@ -21,8 +21,8 @@ const SCHEMES: [Scheme; 2] =
 const TOLERANCE: f64 = 1e-9;
 
 fn implicitly(mut problem: Problem) -> Problem {
-    problem.integrator = Integrator::Implicit;
-    problem.implicit.tolerance = TOLERANCE;
+    problem.setup.integrator = Integrator::Implicit;
+    problem.setup.implicit.tolerance = TOLERANCE;
     problem
 }
 
@@ -81,7 +81,8 @@ fn implicit_bar(session: &mut Session) -> Result<(), EngineError> {
             let bar = Bar::new(session, scheme, 1e-4);
             let omega = bar.omega;
             let dt = 2.0 * PI / omega / f64::from(count);
-            let mut engine = ImplicitEngine::new(&implicitly(bar.problem.clone()))?;
+            let problem = implicitly(bar.problem.clone());
+            let mut engine = ImplicitEngine::new(&problem.setup, problem.particles)?;
             let mut values = Vec::new();
             for _ in 0..2 * count {
                 engine.advance_frame(dt, &NoControl)?;
@@ -134,15 +135,15 @@ fn implicit_convergence(session: &mut Session) -> Result<(), EngineError> {
         // Strains of up to 10 %, for three eighths of a period.
         let Bar { mut problem, omega, length, .. } = Bar::new(session, scheme, 0.1);
         let end_s = 0.375 * 2.0 * PI / omega;
-        problem.max_dt_s = Some(end_s / 1536.0);
+        problem.setup.max_dt_s = Some(end_s / 1536.0);
         let mut explicit = session.engine(&problem)?;
         explicit.advance_frame(end_s, &NoControl)?;
         let exact = explicit.snapshot()?;
-        problem.max_dt_s = None;
+        problem.setup.max_dt_s = None;
         let problem = implicitly(problem);
         let (mut steps, mut errors) = (Vec::new(), Vec::new());
         for count in [6, 12, 24, 48, 96] {
-            let mut engine = ImplicitEngine::new(&problem)?;
+            let mut engine = ImplicitEngine::new(&problem.setup, problem.particles.clone())?;
             for _ in 0..count {
                 engine.advance_frame(end_s / f64::from(count), &NoControl)?;
             }
@@ -198,7 +199,7 @@ fn implicit_cantilever(session: &mut Session) -> Result<(), EngineError> {
         let up = scheme.dimension - 1;
         let height = |p: &Particles| tip.iter().map(|&i| p.x[i][up]).sum::<f64>() / tip.len() as f64;
         let start = height(&problem.particles);
-        let mut engine = ImplicitEngine::new(&problem)?;
+        let mut engine = ImplicitEngine::new(&problem.setup, problem.particles.clone())?;
         // A quarter of the first period.
         let frame_s = 0.25;
         let (mut time, mut deflection) = (vec![0.0], vec![0.0]);
@@ -252,7 +253,7 @@ fn implicit_yield(session: &mut Session) -> Result<(), EngineError> {
                     "colliders": [ grip("left", low - dx, low + 3.0 * dx, -0.1), grip("right", high - 3.0 * dx, high + dx, 0.1) ],
                 }),
             ));
-            let mut engine = ImplicitEngine::new(&problem)?;
+            let mut engine = ImplicitEngine::new(&problem.setup, problem.particles.clone())?;
             let (mut strain, mut stress) = (Vec::new(), Vec::new());
             let (frame_s, free) = (0.002, high - low - 6.0 * dx);
             for frame in 1..=session.pick(40, 80) {

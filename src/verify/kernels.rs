@@ -6,7 +6,7 @@ use super::Case;
 use super::report::Rule;
 use super::session::Session;
 use super::setup::{Scheme, centre, elastic, problem, sums};
-use gridfall_core::sim::problem::{Kernel, Transfer};
+use gridfall_core::sim::setup::{Kernel, Transfer};
 use gridfall_engine::{EngineError, NoControl};
 
 const COMPACT: Scheme = Scheme::new(3, Kernel::Compact, Transfer::Mls);
@@ -113,7 +113,7 @@ fn hollow_cylinder(session: &mut Session) -> Result<(), EngineError> {
                 ],
             }),
         );
-        let ball = problem.bodies[0].particles.clone();
+        let ball = problem.setup.bodies[0].particles.clone();
         let start = centre(&problem.particles, ball.clone())[2];
         let mut engine = session.engine(&problem)?;
         let mut fallen = vec![0.0];

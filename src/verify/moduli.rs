@@ -9,7 +9,7 @@ use super::report::Rule;
 use super::session::Session;
 use super::setup::{Scheme, Vec3, elastic, problem, set_velocity};
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{Kernel, Problem, Transfer};
+use gridfall_core::sim::setup::{Kernel, Problem, Transfer};
 use gridfall_engine::{EngineError, NoControl};
 
 /// Three dimensions, which a GPU can run as well; the compact kernel alone in a quick run.

@@ -6,7 +6,7 @@ use super::Case;
 use super::report::Rule;
 use super::session::{Session, Target};
 use super::setup::{Scheme, centre, elastic, minus, momentum, norm, problem, sums, vector};
-use gridfall_core::sim::problem::{Kernel, Transfer};
+use gridfall_core::sim::setup::{Kernel, Transfer};
 use gridfall_engine::{EngineError, NoControl};
 
 pub const FREE_FALL: Case = Case {
@@ -56,7 +56,7 @@ fn free_fall(session: &mut Session) -> Result<(), EngineError> {
             for a in 0..d {
                 let (dx, dv) = if a == last { (fall, g[last] * now_s) } else { (0.0, 0.0) };
                 let x = problem.particles.x[p][a] + v[a] * now_s + dx;
-                errors[0] = errors[0].max((after.x[p][a] - x).abs() / problem.dx);
+                errors[0] = errors[0].max((after.x[p][a] - x).abs() / problem.setup.dx);
                 errors[1] = errors[1].max((after.v[p][a] - v[a] - dv).abs());
             }
             for k in 0..9 {
@@ -108,7 +108,7 @@ fn colliding_spheres(session: &mut Session) -> Result<(), EngineError> {
                 "bodies": [ sphere("left", centers[0], speed), sphere("right", centers[1], -speed) ],
             }),
         );
-        let left = problem.bodies[0].particles.clone();
+        let left = problem.setup.bodies[0].particles.clone();
         let one = norm(momentum(&problem, &problem.particles, left.clone()));
         let before = sums(&problem, &problem.particles);
         let mut engine = session.engine(&problem)?;
@@ -128,7 +128,7 @@ fn colliding_spheres(session: &mut Session) -> Result<(), EngineError> {
             worst_spin = worst_spin.max(norm(spin) / (one * r * dx));
             time.push(frame as f64 * frame_s);
             first.push(momentum(&problem, &p, left.clone())[0] / one);
-            second.push(momentum(&problem, &p, problem.bodies[1].particles.clone())[0] / one);
+            second.push(momentum(&problem, &p, problem.setup.bodies[1].particles.clone())[0] / one);
             total.push(now.momentum_x / one);
         }
         let rebound = *first.last().expect("frames were run");

@@ -2,10 +2,10 @@
 
 use super::report::{Curve, Row, Rule};
 use super::setup::Scheme;
-use gridfall_core::sim::problem::{Kernel, Precision, Problem, Transfer};
+use gridfall_core::sim::setup::{Kernel, Precision, Problem, Transfer};
 use gridfall_engine::choice::Devices;
 use gridfall_engine::explicit::cpu::CpuEngine;
-use gridfall_engine::gpu::GpuEngine;
+use gridfall_engine::explicit::gpu::GpuEngine;
 use gridfall_engine::{Engine, EngineError};
 
 /// The engine that a case runs on.
@@ -92,8 +92,13 @@ impl<'a> Session<'a> {
     /// An engine of the target with the problem loaded.
     pub fn engine(&self, problem: &Problem) -> Result<Box<dyn Engine>, EngineError> {
         match (self.target, self.devices.gpu()) {
-            (Target::Cpu, _) => Ok(Box::new(CpuEngine::new(problem)?)),
-            (Target::Gpu, Some(gpu)) => Ok(Box::new(GpuEngine::new(gpu.clone(), problem, self.devices.reason())?)),
+            (Target::Cpu, _) => Ok(Box::new(CpuEngine::new(&problem.setup, problem.particles.clone())?)),
+            (Target::Gpu, Some(gpu)) => Ok(Box::new(GpuEngine::new(
+                gpu.clone(),
+                &problem.setup,
+                problem.particles.clone(),
+                self.devices.reason(),
+            )?)),
             (Target::Gpu, None) => Err(EngineError::NoDevice(self.devices.reason().into())),
         }
     }

@@ -8,7 +8,7 @@ use super::session::Session;
 use gridfall_core::sim::diagnostics;
 use gridfall_core::sim::moments::moment_matrix;
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{Kernel, Problem, Transfer};
+use gridfall_core::sim::setup::{Kernel, Problem, Transfer};
 use gridfall_engine::FrameStats;
 use gridfall_scene::{self as scene, Limits};
 
@@ -63,14 +63,14 @@ pub fn vector(dimension: usize, x: Vec3) -> Vec<f64> {
 
 /// Sums of a state, as in recordings.
 pub fn sums(problem: &Problem, particles: &Particles) -> diagnostics::Row {
-    diagnostics::Row::measure(problem, particles, 0, 0.0, &FrameStats::default())
+    diagnostics::Row::measure(&problem.setup, particles, 0, 0.0, &FrameStats::default())
 }
 
 /// Σ m v of a range of particles (kg m/s).
 pub fn momentum(problem: &Problem, particles: &Particles, range: std::ops::Range<usize>) -> Vec3 {
     let mut total = [0.0; 3];
     for p in range {
-        let mass = problem.bodies[particles.body[p] as usize].mass;
+        let mass = problem.setup.bodies[particles.body[p] as usize].mass;
         (0..3).for_each(|a| total[a] += mass * particles.v[p][a]);
     }
     total
@@ -100,11 +100,11 @@ pub fn set_velocity(problem: &mut Problem, field: impl Fn(Vec3) -> (Vec3, [f64; 
         let x = problem.particles.x[p];
         let (v, c) = field(x);
         problem.particles.v[p] = v;
-        if problem.transfer == Transfer::Pic {
+        if problem.setup.transfer == Transfer::Pic {
             continue;
         }
-        let units = std::array::from_fn(|a| (x[a] - problem.origin[a]) / problem.dx);
-        let moment = moment_matrix(problem.kernel, units, problem.dx, problem.dimension);
+        let units = std::array::from_fn(|a| (x[a] - problem.setup.origin[a]) / problem.setup.dx);
+        let moment = moment_matrix(problem.setup.kernel, units, problem.setup.dx, problem.setup.dimension);
         problem.particles.b[p] =
             std::array::from_fn(|k| (0..3).map(|j| c[3 * (k / 3) + j] * moment[3 * j + k % 3]).sum());
     }

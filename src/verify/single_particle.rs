@@ -10,7 +10,7 @@ use super::report::Rule;
 use super::session::Session;
 use super::setup::{Scheme, elastic, problem};
 use gridfall_core::sim::particles::IDENTITY;
-use gridfall_core::sim::problem::{Kernel, Problem, Transfer};
+use gridfall_core::sim::setup::{Kernel, Problem, Transfer};
 use gridfall_core::sim::timestep::{elastic_bounds_s, moduli};
 use gridfall_engine::EngineError;
 
@@ -43,9 +43,9 @@ fn single_particle(session: &mut Session) -> Result<(), EngineError> {
         let (mut below, mut above) = (0.0f64, 0.0f64);
         for &poissons_ratio in ratios {
             let problem = lone_particles(session, scheme, poissons_ratio);
-            let body = &problem.bodies[0];
-            let (lambda, mu, _) = moduli(&problem.materials[body.material]);
-            let bound_s = elastic_bounds_s(&problem, lambda, mu, body.mass / body.volume0).1;
+            let body = &problem.setup.bodies[0];
+            let (lambda, mu, _) = moduli(&problem.setup.materials[body.material]);
+            let bound_s = elastic_bounds_s(&problem.setup, lambda, mu, body.mass / body.volume0).1;
             below = below.max(growth(&problem, 0.98 * bound_s));
             above = above.max(growth(&problem, 1.05 * bound_s));
         }

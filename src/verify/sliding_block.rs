@@ -6,7 +6,7 @@ use super::Case;
 use super::report::Rule;
 use super::session::Session;
 use super::setup::{Scheme, centre, elastic, problem, vector};
-use gridfall_core::sim::problem::{Kernel, Transfer};
+use gridfall_core::sim::setup::{Kernel, Transfer};
 use gridfall_engine::{EngineError, NoControl};
 
 pub const SLIDING_BLOCK: Case = Case {

@@ -7,7 +7,7 @@ use super::report::Rule;
 use super::session::Session;
 use super::setup::{Scheme, problem};
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{CoarseSolve, Integrator, Kernel, Problem, Smoother, Transfer};
+use gridfall_core::sim::setup::{CoarseSolve, Integrator, Kernel, Problem, Smoother, Transfer};
 use gridfall_engine::implicit::ImplicitEngine;
 use gridfall_engine::{Engine, EngineError, NoControl};
 
@@ -56,13 +56,13 @@ fn bar(session: &Session, kernel: Kernel, middle_pa: f64) -> Problem {
             "colliders": [ grip(0.05, 0.19, 0.0), grip(0.99, 1.15, 2.0 * std::f64::consts::PI) ],
         }),
     );
-    (problem.integrator, problem.cfl) = (Integrator::Implicit, 1.0);
+    (problem.setup.integrator, problem.setup.cfl) = (Integrator::Implicit, 1.0);
     problem
 }
 
 /// Steps from rest; with `compare`, each is done again from the same state to convergence.
 fn run(problem: &Problem, compare: bool) -> Result<Run, EngineError> {
-    let mut engine = ImplicitEngine::new(problem)?;
+    let mut engine = ImplicitEngine::new(&problem.setup, problem.particles.clone())?;
     let mut before = problem.particles.clone();
     let (mut iterations, mut error, mut solves) = (0, 0.0, 0);
     for step in 0..STEPS {
@@ -72,8 +72,8 @@ fn run(problem: &Problem, compare: bool) -> Result<Run, EngineError> {
         let after = engine.snapshot()?;
         if compare {
             let mut exact = Problem { particles: before.clone(), ..problem.clone() };
-            exact.implicit.tolerance = CONVERGED;
-            let mut exact = ImplicitEngine::new(&exact)?.at(f64::from(step) / RATE);
+            exact.setup.implicit.tolerance = CONVERGED;
+            let mut exact = ImplicitEngine::new(&exact.setup, exact.particles.clone())?.at(f64::from(step) / RATE);
             exact.advance_frame(1.0 / RATE, &NoControl)?;
             error += distance(&after, &exact.snapshot()?) / distance(&exact.snapshot()?, &before) / f64::from(STEPS);
         }
@@ -97,7 +97,7 @@ fn stiffness_sweep(session: &mut Session) -> Result<(), EngineError> {
             let mut problem = bar(session, kernel, middle_pa);
             columns[0].push(middle_pa);
             for (k, tolerance, worst) in [(0, 1e-7, 4e-2), (1, 1e-9, 1e-3)] {
-                problem.implicit.tolerance = tolerance;
+                problem.setup.implicit.tolerance = tolerance;
                 let ours = run(&problem, true)?;
                 if softest[k].is_nan() {
                     softest[k] = ours.iterations;
@@ -111,10 +111,10 @@ fn stiffness_sweep(session: &mut Session) -> Result<(), EngineError> {
                 columns[2 + 2 * k].push(ours.error);
             }
             if kernel == Kernel::Quadratic {
-                problem.implicit.tolerance = 1e-7;
-                problem.implicit.smoother = Smoother::GaussSeidel;
-                problem.implicit.coarse_solve = CoarseSolve::Adaptive;
-                problem.implicit.rebuild = false;
+                problem.setup.implicit.tolerance = 1e-7;
+                problem.setup.implicit.smoother = Smoother::GaussSeidel;
+                problem.setup.implicit.coarse_solve = CoarseSolve::Adaptive;
+                problem.setup.implicit.rebuild = false;
                 let published = run(&problem, false)?;
                 let variant = format!("{name}, {middle_pa:.0e} Pa, as published");
                 let rule = (Rule::AtMost, reference, 0.0);

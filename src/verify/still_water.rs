@@ -9,7 +9,7 @@ use super::forced::Forced;
 use super::report::Rule;
 use super::session::Session;
 use super::setup::{Scheme, problem, vector};
-use gridfall_core::sim::problem::{Kernel, Problem, Transfer};
+use gridfall_core::sim::setup::{Kernel, Problem, Transfer};
 use gridfall_core::sim::timestep::material_bound;
 use gridfall_engine::EngineError;
 
@@ -51,7 +51,7 @@ fn still_water(session: &mut Session) -> Result<(), EngineError> {
         // Starts unstrained and swings about its rest: a mean over many of its periods, 4 h / c.
         let height = 12.0 * dx;
         let period_s = 4.0 * height / (bulk_modulus / 1000.0f64).sqrt();
-        let mut simulation = Forced::new(&problem, material_bound(&problem).0).watch_nodes();
+        let mut simulation = Forced::new(&problem, material_bound(&problem.setup).0).watch_nodes();
         let end_s = session.pick(10.0, 20.0) * period_s;
         let (mut impulse, mut pressure, mut weight_s) = (0.0, 0.0, 0.0);
         let bottom: Vec<usize> =
@@ -73,7 +73,7 @@ fn still_water(session: &mut Session) -> Result<(), EngineError> {
             });
             pressure += window * simulation.dt_s() * pressures.sum::<f64>() / bottom.len() as f64;
         }
-        let weight = g * problem.bodies[0].mass * problem.particles.len() as f64;
+        let weight = g * problem.setup.bodies[0].mass * problem.particles.len() as f64;
         session.check(scheme, "reaction of the floor", "N", (Rule::Relative, weight, 0.02), impulse / weight_s);
         let depth = height - 2.5 * dx;
         let expected = (Rule::Relative, 1000.0 * g * depth, 0.02);
@@ -85,10 +85,10 @@ fn still_water(session: &mut Session) -> Result<(), EngineError> {
 /// What the floor took from the nodes on it and beyond it in the step just done (N s): their momentum with the step's forces and
 /// gravity, less what they left the grid update with. Both grids of the compact kernel carry all momentum.
 fn floor_impulse(problem: &Problem, simulation: &Forced) -> f64 {
-    let up = problem.dimension - 1;
-    let grids = if problem.kernel == Kernel::Compact { 2.0 } else { 1.0 };
+    let up = problem.setup.dimension - 1;
+    let grids = if problem.setup.kernel == Kernel::Compact { 2.0 } else { 1.0 };
     let taken = simulation.nodes().iter().map(|n| {
-        let free = n.momentum[up] / n.mass + simulation.dt_s() * problem.gravity[up];
+        let free = n.momentum[up] / n.mass + simulation.dt_s() * problem.setup.gravity[up];
         n.mass * (n.velocity[up] - free)
     });
     taken.sum::<f64>() / grids

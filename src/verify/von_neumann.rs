@@ -7,7 +7,7 @@ use super::forced::{Forced, add_noise};
 use super::report::Rule;
 use super::session::Session;
 use super::setup::{Scheme, elastic, problem};
-use gridfall_core::sim::problem::{Kernel, Problem, Transfer};
+use gridfall_core::sim::setup::{Kernel, Problem, Transfer};
 use gridfall_core::sim::timestep::{elastic_bounds_s, moduli};
 use gridfall_engine::EngineError;
 
@@ -84,9 +84,9 @@ fn von_neumann(session: &mut Session) -> Result<(), EngineError> {
 /// Checks the bound that steps are planned with.
 fn compact_bound(session: &mut Session, bulk: &Bulk) {
     let (problem, unit_s) = bulk.problem(session);
-    let body = &problem.bodies[0];
-    let (lambda, mu, _) = moduli(&problem.materials[body.material]);
-    let bound_s = elastic_bounds_s(&problem, lambda, mu, body.mass / body.volume0).0;
+    let body = &problem.setup.bodies[0];
+    let (lambda, mu, _) = moduli(&problem.setup.materials[body.material]);
+    let bound_s = elastic_bounds_s(&problem.setup, lambda, mu, body.mass / body.volume0).0;
     let got = largest_stable_step_s(&problem, bound_s, LONG_TIME_S) / unit_s;
     let variant = format!("{} {}^{} nu {}", bulk.scheme, bulk.cells, bulk.scheme.dimension, bulk.poissons_ratio);
     session.check(variant, "f = largest stable dt c / dx", "", (Rule::Relative, bound_s / unit_s, 0.01), got);
@@ -115,8 +115,8 @@ impl Bulk {
             (0..d).for_each(|a| x[a] += (self.place[a] - 0.5) * DX_M);
         }
         add_noise(&mut problem, NOISE, 4);
-        let (lambda, mu, _) = moduli(&problem.materials[0]);
-        let body = &problem.bodies[0];
+        let (lambda, mu, _) = moduli(&problem.setup.materials[0]);
+        let body = &problem.setup.bodies[0];
         let c = ((lambda + 2.0 * mu) * body.volume0 / body.mass).sqrt();
         (problem, DX_M / c)
     }

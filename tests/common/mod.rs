@@ -2,8 +2,9 @@
 
 use std::sync::{Arc, OnceLock};
 
-use gridfall_core::sim::problem::Problem;
-use gridfall_engine::gpu::{Gpu, GpuEngine};
+use gridfall_core::sim::setup::Problem;
+use gridfall_engine::explicit::gpu::GpuEngine;
+use gridfall_engine::gpu::Gpu;
 use gridfall_scene as scene;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -28,25 +29,25 @@ pub fn gpu() -> Arc<Gpu> {
 }
 
 pub fn gpu_engine(problem: &Problem) -> GpuEngine {
-    GpuEngine::new(gpu(), problem, "test").unwrap_or_else(|e| panic!("{e}"))
+    GpuEngine::new(gpu(), &problem.setup, problem.particles.clone(), "test").unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Random velocities, affine moments and deformations of realistic size: |v| ~ 1 m/s, |C| ~ 0.1 v/dx, strain ~ 0.1 after a rotation.
 pub fn randomise(problem: &mut Problem, rng: &mut ChaCha8Rng) {
-    use gridfall_core::sim::problem::Material;
-    let dx = problem.dx;
+    use gridfall_core::sim::setup::Material;
+    let dx = problem.setup.dx;
     for id in 0..problem.particles.len() {
         let p = &mut problem.particles;
         let mut random = |size: f64| rng.random_range(-size..size);
         p.v[id] = std::array::from_fn(|_| random(1.0));
         p.b[id] = std::array::from_fn(|_| random(0.03 * dx));
-        let material = problem.bodies[p.body[id] as usize].material;
-        p.plastic[id] += match problem.materials[material] {
+        let material = problem.setup.bodies[p.body[id] as usize].material;
+        p.plastic[id] += match problem.setup.materials[material] {
             Material::DruckerPrager(_) => random(0.05).max(0.0),
             Material::Nacc(_) | Material::Snow(_) => random(0.02),
             _ => 0.0,
         };
-        p.f[id] = match problem.materials[material] {
+        p.f[id] = match problem.setup.materials[material] {
             Material::WeaklyCompressibleFluid(_) => {
                 let s = (1.0 + random(0.05)).cbrt();
                 [s, 0.0, 0.0, 0.0, s, 0.0, 0.0, 0.0, s]

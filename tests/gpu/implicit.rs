@@ -1,9 +1,9 @@
 //! The implicit engine on the GPU: the CPU's motion, repeatable, through every kind of frame.
 
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::Problem;
-use gridfall_engine::gpu::implicit::{GpuImplicitEngine, supports};
+use gridfall_core::sim::setup::Problem;
 use gridfall_engine::implicit::ImplicitEngine;
+use gridfall_engine::implicit::gpu::{GpuImplicitEngine, supports};
 use gridfall_engine::{Engine, FrameStats, NoControl};
 
 use super::common;
@@ -30,11 +30,11 @@ fn scene(kernel: &str, transfer: &str) -> Problem {
 }
 
 fn engine(problem: &Problem) -> GpuImplicitEngine {
-    GpuImplicitEngine::new(common::gpu(), problem, "test").unwrap()
+    GpuImplicitEngine::new(common::gpu(), &problem.setup, problem.particles.clone(), "test").unwrap()
 }
 
 fn run(engine: &mut dyn Engine, problem: &Problem, frames: u32) -> (Vec<FrameStats>, Particles) {
-    let stats = (0..frames).map(|_| engine.advance_frame(problem.frame_s, &NoControl).unwrap()).collect();
+    let stats = (0..frames).map(|_| engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap()).collect();
     (stats, engine.snapshot().unwrap())
 }
 
@@ -48,8 +48,9 @@ fn it_moves_as_on_the_cpu() {
     for (kernel, transfer) in [("quadratic", "apic"), ("compact", "mls")] {
         let problem = scene(kernel, transfer);
         let (stats, gpu) = run(&mut engine(&problem), &problem, 2);
-        let (reference, cpu) = run(&mut ImplicitEngine::new(&problem).unwrap(), &problem, 2);
-        let (x, v) = (farthest(&gpu.x, &cpu.x) / problem.dx, farthest(&gpu.v, &cpu.v));
+        let (reference, cpu) =
+            run(&mut ImplicitEngine::new(&problem.setup, problem.particles.clone()).unwrap(), &problem, 2);
+        let (x, v) = (farthest(&gpu.x, &cpu.x) / problem.setup.dx, farthest(&gpu.v, &cpu.v));
         println!("{kernel} {transfer}: x {x:.1e} dx, v {v:.1e} m/s");
         for (stats, reference) in stats.iter().zip(&reference) {
             assert_eq!(stats.steps, reference.steps);
@@ -102,17 +103,20 @@ fn sources_emit_what_the_cpu_emits() {
     );
     let simulate = |engine: &mut dyn Engine| -> Vec<Particles> {
         let frame = |frame: u32| {
-            engine.append(&problem.emission(frame)).unwrap();
-            engine.advance_frame(problem.frame_s, &NoControl).unwrap();
+            engine.append(problem.setup.emission(frame)).unwrap();
+            engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap();
             engine.snapshot().unwrap()
         };
-        (0..problem.frames).map(frame).collect()
+        (0..problem.setup.frames).map(frame).collect()
     };
-    let (gpu, cpu) = (simulate(&mut engine(&problem)), simulate(&mut ImplicitEngine::new(&problem).unwrap()));
+    let (gpu, cpu) = (
+        simulate(&mut engine(&problem)),
+        simulate(&mut ImplicitEngine::new(&problem.setup, problem.particles.clone()).unwrap()),
+    );
     assert!(gpu[0].is_empty() && !gpu[4].is_empty());
     for (gpu, cpu) in gpu.iter().zip(&cpu) {
         assert_eq!(gpu.body, cpu.body);
-        let worst = farthest(&gpu.x, &cpu.x) / problem.dx;
+        let worst = farthest(&gpu.x, &cpu.x) / problem.setup.dx;
         println!("{} particles, worst difference {worst:.1e} dx", gpu.len());
         assert!(worst < 1e-3);
     }
@@ -120,21 +124,20 @@ fn sources_emit_what_the_cpu_emits() {
 
 #[test]
 fn what_it_cannot_run_is_said() {
-    use gridfall_core::sim::problem::{Kernel, Precision, Transfer};
-    use gridfall_scene::schema::Method;
+    use gridfall_core::sim::setup::{Kernel, Method, Precision, Transfer};
     type Change<'a> = (&'a str, &'a dyn Fn(&mut Problem));
     let problem = scene("compact", "mls");
-    assert_eq!(supports(&problem), Ok(()));
+    assert_eq!(supports(&problem.setup), Ok(()));
     let cases: [Change; 5] = [
-        ("3D", &|p| p.dimension = 2),
-        ("kernel", &|p| p.kernel = Kernel::Cubic),
-        ("apic and mls", &|p| p.transfer = Transfer::Pic),
-        ("f32", &|p| p.precision = Precision::F64),
-        ("hot", &|p| p.implicit.method = Method::PnPcg),
+        ("3D", &|p| p.setup.dimension = 2),
+        ("kernel", &|p| p.setup.kernel = Kernel::Cubic),
+        ("apic and mls", &|p| p.setup.transfer = Transfer::Pic),
+        ("f32", &|p| p.setup.precision = Precision::F64),
+        ("hot", &|p| p.setup.implicit.method = Method::PnPcg),
     ];
     for (word, change) in cases {
         let mut other = problem.clone();
         change(&mut other);
-        assert!(supports(&other).unwrap_err().contains(word), "{word}");
+        assert!(supports(&other.setup).unwrap_err().contains(word), "{word}");
     }
 }

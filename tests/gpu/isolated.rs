@@ -3,7 +3,7 @@
 
 use gridfall_core::sim::diagnostics::Row;
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{Precision, Problem};
+use gridfall_core::sim::setup::{Precision, Problem};
 use gridfall_engine::explicit::cpu::CpuEngine;
 use gridfall_engine::{Engine, NoControl};
 use gridfall_scene::estimate::estimate;
@@ -30,19 +30,19 @@ fn identity_error(f: &[f64; 9]) -> f64 {
 }
 
 fn check(problem: &Problem, engine: &mut dyn Engine, tolerance: f64) {
-    let before = Row::measure(problem, &problem.particles, 0, 0.0, &Default::default());
-    let stats = engine.advance_frame(problem.frame_s, &NoControl).unwrap();
+    let before = Row::measure(&problem.setup, &problem.particles, 0, 0.0, &Default::default());
+    let stats = engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap();
     let p = engine.snapshot().unwrap();
-    assert_eq!(stats.isolated_reset, 1, "{:?}", problem.kernel);
+    assert_eq!(stats.isolated_reset, 1, "{:?}", problem.setup.kernel);
     assert!(identity_error(&p.f[0]) == 0.0, "F = {:?}", p.f[0]);
-    let pair = problem.bodies[2].particles.clone();
+    let pair = problem.setup.bodies[2].particles.clone();
     assert!(pair.into_iter().all(|i| identity_error(&p.f[i]) > 1e-4), "the pair was reset");
     // Position and momentum go on as if nothing had happened; so does the spin.
     for a in 0..3 {
-        let expected = problem.particles.x[0][a] + problem.frame_s * problem.particles.v[0][a];
+        let expected = problem.particles.x[0][a] + problem.setup.frame_s * problem.particles.v[0][a];
         assert!((p.x[0][a] - expected).abs() < 1e-6, "x = {:?}", p.x[0]);
     }
-    let after = Row::measure(problem, &p, 1, problem.frame_s, &stats);
+    let after = Row::measure(&problem.setup, &p, 1, problem.setup.frame_s, &stats);
     for (name, a, b) in [
         ("px", before.momentum_x, after.momentum_x),
         ("lx", before.angular_momentum_x, after.angular_momentum_x),
@@ -59,8 +59,9 @@ fn a_lone_particle_is_reset_on_both_engines() {
         for model in ["fixed-corotated", "stvk-hencky"] {
             let problem = scene(kernel, model);
             check(&problem, &mut common::gpu_engine(&problem), 2e-6);
-            let exact = Problem { precision: Precision::F64, ..problem };
-            check(&exact, &mut CpuEngine::new(&exact).unwrap(), 1e-12);
+            let mut exact = problem;
+            exact.setup.precision = Precision::F64;
+            check(&exact, &mut CpuEngine::new(&exact.setup, exact.particles.clone()).unwrap(), 1e-12);
         }
     }
 }
@@ -81,16 +82,19 @@ fn the_step_follows_the_stiffness_of_the_present_deformation() {
     assert!(rest.dt_s > 2.0 * squeezed.dt_s, "{} and {}", rest.dt_s, squeezed.dt_s);
     let problem = problem(0.7);
     let energy = |p: &Particles| {
-        let row = Row::measure(&problem, p, 0, 0.0, &Default::default());
+        let row = Row::measure(&problem.setup, p, 0, 0.0, &Default::default());
         row.kinetic_j + row.affine_j + row.strain_j
     };
     let start = energy(&problem.particles);
-    let exact = Problem { precision: Precision::F64, ..problem.clone() };
-    let engines: [Box<dyn Engine>; 2] =
-        [Box::new(common::gpu_engine(&problem)), Box::new(CpuEngine::new(&exact).unwrap())];
+    let mut exact = problem.clone();
+    exact.setup.precision = Precision::F64;
+    let engines: [Box<dyn Engine>; 2] = [
+        Box::new(common::gpu_engine(&problem)),
+        Box::new(CpuEngine::new(&exact.setup, exact.particles.clone()).unwrap()),
+    ];
     for mut engine in engines {
-        for _ in 0..problem.frames {
-            engine.advance_frame(problem.frame_s, &NoControl).unwrap();
+        for _ in 0..problem.setup.frames {
+            engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap();
             let now = energy(&engine.snapshot().unwrap());
             assert!(now < 1.05 * start, "{now} J from {start} J on {}", engine.backend().kind);
         }

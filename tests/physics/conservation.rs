@@ -2,7 +2,7 @@
 
 use crate::problems::*;
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{Axis, Problem};
+use gridfall_core::sim::setup::{Axis, Problem};
 use gridfall_engine::explicit::cpu::{CpuEngine, stages};
 use gridfall_engine::{Engine, NoControl};
 use gridfall_scene::schema::{Kernel, Precision, Transfer};
@@ -22,9 +22,9 @@ fn all_combinations() -> impl Iterator<Item = (usize, Kernel, Transfer, Precisio
 /// Two elastic bodies and a drop of fluid that fly into each other.
 fn collision(dimension: usize, kernel: Kernel, transfer: Transfer, precision: Precision) -> Problem {
     let mut problem = empty(dimension, [16.0, 16.0, if dimension == 3 { 12.0 } else { 1.0 }], 0.05);
-    (problem.kernel, problem.transfer, problem.precision) = (kernel, transfer, precision);
+    (problem.setup.kernel, problem.setup.transfer, problem.setup.precision) = (kernel, transfer, precision);
     // No step is short enough for a lone particle of the linear kernel beside a node; a short one makes it rare.
-    problem.max_dt_s = (kernel == Kernel::Linear).then_some(1e-3);
+    problem.setup.max_dt_s = (kernel == Kernel::Linear).then_some(1e-3);
     let z = if dimension == 3 { 0.3 } else { 0.0 };
     let spin = [[0.0, -2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 0.0]];
     let up = if dimension == 3 { 0.1 } else { 0.0 };
@@ -63,10 +63,10 @@ fn mass_and_momentum_are_conserved_by_every_combination() {
 fn grid_totals_are_the_particles() {
     for (dimension, kernel, transfer, precision) in all_combinations() {
         let problem = collision(dimension, kernel, transfer, precision);
-        let mut solver = stages(&problem);
+        let mut solver = stages(&problem.setup, problem.particles.clone());
         solver.p2g(1e-3);
         let (nodes, grids) = (solver.nodes(), if kernel == Kernel::Compact { 2.0 } else { 1.0 });
-        let total: f64 = problem.bodies.iter().map(|b| b.mass * b.particles.len() as f64).sum();
+        let total: f64 = problem.setup.bodies.iter().map(|b| b.mass * b.particles.len() as f64).sum();
         let on_grid: f64 = nodes.iter().map(|n| n.mass / grids).sum();
         let tolerance = if precision == Precision::F64 { 1e-14 } else { 1e-6 };
         assert!((on_grid / total - 1.0).abs() < tolerance, "{dimension}D {kernel:?}: mass {on_grid} of {total}");
@@ -81,11 +81,11 @@ fn grid_totals_are_the_particles() {
 fn free_fall_and_rigid_translation_are_exact_to_rounding() {
     for (dimension, kernel, transfer, precision) in all_combinations() {
         let mut problem = empty(dimension, [24.0, 24.0, if dimension == 3 { 24.0 } else { 1.0 }], 1.0 / 24.0);
-        (problem.kernel, problem.transfer, problem.precision) = (kernel, transfer, precision);
+        (problem.setup.kernel, problem.setup.transfer, problem.setup.precision) = (kernel, transfer, precision);
         let last = dimension - 1;
-        problem.gravity[last] = -9.81;
+        problem.setup.gravity[last] = -9.81;
         // Steps of one length, whatever the material.
-        problem.max_dt_s = Some(1e-3);
+        problem.setup.max_dt_s = Some(1e-3);
         // No round numbers: particles that land on a node to rounding are too much for the linear kernel.
         let mut v = [0.313737, 0.207131, 0.0];
         v[last] = 0.957713;
@@ -94,7 +94,7 @@ fn free_fall_and_rigid_translation_are_exact_to_rounding() {
         let stiffness = if kernel == Kernel::Linear { 1e-6 } else { 1e5 };
         fill(&mut problem, elastic(stiffness, 0.3, 1000.0), 2, in_ball([0.4, 0.5, middle], 0.12), uniform(v));
         let (after, steps) = run(&problem, 6);
-        let (t, dt) = (6.0 * problem.frame_s, 6.0 * problem.frame_s / steps as f64);
+        let (t, dt) = (6.0 * problem.setup.frame_s, 6.0 * problem.setup.frame_s / steps as f64);
         // Symplectic Euler: v after, then x with the new v.
         let fall = -9.81 * (t * t + t * dt) / 2.0;
         let rounding = if precision == Precision::F64 { 1e-12 } else { 3e-5 };
@@ -121,9 +121,9 @@ fn colliding_spheres_keep_momentum_for_a_thousand_steps() {
     let (left, right, r) = ([10.3 * dx, 10.0 * dx, 10.0 * dx], [22.0 * dx, 10.7 * dx, 10.2 * dx], 5.0 * dx);
     fill(&mut problem, elastic(1e6, 0.4, 1e3), 2, in_ball(left, r), uniform([0.5, 0.0, 0.0]));
     fill(&mut problem, elastic(1e6, 0.4, 1e3), 2, in_ball(right, r), uniform([-0.5, 0.0, 0.0]));
-    let one: f64 = 0.5 * problem.bodies[0].mass * problem.bodies[0].particles.len() as f64;
+    let one: f64 = 0.5 * problem.setup.bodies[0].mass * problem.setup.bodies[0].particles.len() as f64;
     let arm = norm(angular_momentum(&problem, &problem.particles)).max(one * 5.0 * dx);
-    let mut engine = CpuEngine::new(&problem).unwrap();
+    let mut engine = CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
     let mut steps = 0;
     let (mut worst, mut worst_spin) = (0.0f64, 0.0f64);
     while steps < 1000 {
@@ -134,13 +134,13 @@ fn colliding_spheres_keep_momentum_for_a_thousand_steps() {
         worst_spin = worst_spin.max(norm(spin) / arm);
     }
     let p = engine.snapshot().unwrap();
-    let bounced = centre(&p, problem.bodies[0].particles.clone())[0] - left[0];
+    let bounced = centre(&p, problem.setup.bodies[0].particles.clone())[0] - left[0];
     println!(
         "{steps} steps: momentum {worst:.1e}, angular momentum {worst_spin:.1e}, left sphere moved {bounced:.4} m"
     );
     assert!(worst < 1e-12, "momentum drifts by {worst:e} of one sphere's");
     assert!(worst_spin < 1e-10, "angular momentum drifts by {worst_spin:e}");
-    let v = p.v[..problem.bodies[0].particles.len()].iter().map(|v| v[0]).sum::<f64>();
+    let v = p.v[..problem.setup.bodies[0].particles.len()].iter().map(|v| v[0]).sum::<f64>();
     assert!(v < 0.0, "the spheres did not bounce");
 }
 
@@ -152,14 +152,14 @@ fn a_rotating_rod_keeps_angular_momentum_for_a_thousand_steps() {
     {
         let dx = 1.0 / 64.0;
         let mut problem = empty(3, [32.0, 32.0, 12.0], dx);
-        (problem.kernel, problem.transfer) = (kernel, transfer);
+        (problem.setup.kernel, problem.setup.transfer) = (kernel, transfer);
         let (center, half) = ([16.1 * dx, 16.0 * dx, 6.05 * dx], 10.0 * dx);
         let w = 1.0 / half;
         let spin = [[0.0, -w, 0.0], [w, 0.0, 0.0], [0.0; 3]];
         let rod = |x: Vec3| (x[0] - center[0]).abs() < half && (x[1] - center[1]).hypot(x[2] - center[2]) < 2.0 * dx;
         fill(&mut problem, elastic(1e6, 0.4, 1e3), 2, rod, linear([0.0; 3], spin, center));
         let before = angular_momentum(&problem, &problem.particles);
-        let mut engine = CpuEngine::new(&problem).unwrap();
+        let mut engine = CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
         let (mut steps, mut worst) = (0, 0.0f64);
         while steps < 1000 {
             steps += engine.advance_frame(1.0 / 48.0, &NoControl).unwrap().steps;
@@ -196,8 +196,8 @@ fn periodic_axes_are_invariant_under_translation() {
         let (n, dx) = (10.0, 0.1);
         let at = |shift: f64| {
             let mut problem = empty(dimension, [n, n, if dimension == 3 { n } else { 1.0 }], dx);
-            problem.kernel = kernel;
-            problem.axes = [Axis::Periodic; 3];
+            problem.setup.kernel = kernel;
+            problem.setup.axes = [Axis::Periodic; 3];
             let wrap = |x: Vec3| -> Vec3 {
                 std::array::from_fn(|a| if a < dimension { (x[a] - shift).rem_euclid(n * dx) } else { x[a] })
             };

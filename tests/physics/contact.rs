@@ -3,7 +3,7 @@
 use crate::problems::*;
 use gridfall_core::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, SdfOp};
 use gridfall_core::sim::particles::IDENTITY;
-use gridfall_core::sim::problem::{Axis, Contact, Problem};
+use gridfall_core::sim::setup::{Axis, Contact, Problem};
 use gridfall_engine::explicit::cpu::{CpuEngine, stages};
 use gridfall_engine::{Engine, EngineError, NoControl};
 use gridfall_scene::schema::{ContactKind, Kernel};
@@ -18,8 +18,8 @@ fn contact(kind: ContactKind, friction: f64) -> Contact {
 /// A block on the floor, moving along and into it.
 fn block_on_floor(kernel: Kernel, floor: Contact) -> Problem {
     let mut problem = empty(3, [16.0, 12.0, 12.0], DX);
-    problem.kernel = kernel;
-    problem.axes[2] = Axis::Walls([floor, contact(ContactKind::Separate, 0.0)]);
+    problem.setup.kernel = kernel;
+    problem.setup.axes[2] = Axis::Walls([floor, contact(ContactKind::Separate, 0.0)]);
     let block = in_box([4.0 * DX, 4.0 * DX, 0.0], [8.0 * DX, 8.0 * DX, 3.0 * DX]);
     fill(&mut problem, elastic(1e5, 0.3, 1000.0), 2, block, uniform([1.0, 0.5, -1.0]));
     problem
@@ -30,7 +30,7 @@ fn wall_nodes_obey_their_contact() {
     for kernel in KERNELS {
         for (kind, friction) in [(ContactKind::Sticky, 0.0), (ContactKind::Slip, 0.0), (ContactKind::Separate, 0.2)] {
             let problem = block_on_floor(kernel, contact(kind, friction));
-            let mut solver = stages(&problem);
+            let mut solver = stages(&problem.setup, problem.particles.clone());
             solver.p2g(1e-4);
             solver.grid_update(1e-4, 0.0);
             let nodes = solver.nodes();
@@ -64,7 +64,7 @@ fn slip_keeps_the_motion_along_the_wall_and_sticky_takes_it() {
     for kernel in [Kernel::Compact, Kernel::Quadratic, Kernel::Cubic] {
         let along = |floor: Contact| {
             let mut problem = block_on_floor(kernel, floor);
-            problem.max_dt_s = Some(1e-3);
+            problem.setup.max_dt_s = Some(1e-3);
             let (p, _) = run(&problem, 4);
             let before = momentum(&problem, &problem.particles);
             let after = momentum(&problem, &p);
@@ -85,17 +85,17 @@ fn a_block_slides_with_coulomb_friction() {
     let (theta, friction, g) = (24f64.to_radians(), 15f64.to_radians().tan(), 9.81);
     for kernel in [Kernel::Compact, Kernel::Quadratic] {
         let mut problem = empty(2, [40.0, 10.0, 1.0], DX);
-        problem.kernel = kernel;
-        problem.axes[1] = Axis::Walls([contact(ContactKind::Separate, friction); 2]);
-        problem.gravity = [g * theta.sin(), -g * theta.cos(), 0.0];
+        problem.setup.kernel = kernel;
+        problem.setup.axes[1] = Axis::Walls([contact(ContactKind::Separate, friction); 2]);
+        problem.setup.gravity = [g * theta.sin(), -g * theta.cos(), 0.0];
         let block = in_box([3.0 * DX, 0.0, 0.0], [11.0 * DX, 4.0 * DX, 0.0]);
         fill(&mut problem, elastic(1e6, 0.3, 1000.0), 2, block, uniform([0.0; 3]));
-        let mut engine = CpuEngine::new(&problem).unwrap();
+        let mut engine = CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
         let frames = 28;
         for _ in 0..frames {
-            engine.advance_frame(problem.frame_s, &NoControl).unwrap();
+            engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap();
         }
-        let t = frames as f64 * problem.frame_s;
+        let t = frames as f64 * problem.setup.frame_s;
         let all = 0..problem.particles.len();
         let moved = centre(&engine.snapshot().unwrap(), all.clone())[0] - centre(&problem.particles, all)[0];
         let expected = 0.5 * g * t * t * (theta.sin() - friction * theta.cos());
@@ -118,7 +118,7 @@ fn collider(primitive: Primitive, at: Vec3, contact: Contact, linear_velocity: V
 fn a_moving_collider_pushes_a_body() {
     for kernel in KERNELS {
         let mut problem = empty(3, [24.0, 12.0, 12.0], DX);
-        problem.kernel = kernel;
+        problem.setup.kernel = kernel;
         let middle = 6.0 * DX;
         fill(
             &mut problem,
@@ -129,11 +129,16 @@ fn a_moving_collider_pushes_a_body() {
         );
         let plate = Primitive::Box([2.0 * DX, 5.0 * DX, 5.0 * DX]);
         let v = [0.5, 0.0, 0.0];
-        problem.colliders.push(collider(plate, [4.0 * DX, middle, middle], contact(ContactKind::Separate, 0.0), v));
+        problem.setup.colliders.push(collider(
+            plate,
+            [4.0 * DX, middle, middle],
+            contact(ContactKind::Separate, 0.0),
+            v,
+        ));
         let (p, _) = run(&problem, 16);
         let all = 0..p.len();
         let speed = p.v.iter().map(|v| v[0]).sum::<f64>() / p.len() as f64;
-        let face = 6.0 * DX + 16.0 * problem.frame_s * 0.5;
+        let face = 6.0 * DX + 16.0 * problem.setup.frame_s * 0.5;
         let behind = p.x.iter().filter(|x| x[0] < face - 0.5 * DX).count();
         println!("{kernel:?}: body at {:.3} m, plate's face at {face:.3} m, speed {speed:.3} m/s", centre(&p, all)[0]);
         assert!(speed > 0.5, "{kernel:?}: pushed at 0.5 m/s, moves at {speed} m/s");
@@ -151,9 +156,9 @@ fn a_sticky_collider_carries_what_it_holds() {
     fill(&mut problem, elastic(1e5, 0.3, 1000.0), 2, in_ball(c, 4.0 * DX), uniform([0.0; 3]));
     let mut core = collider(Primitive::Sphere(2.5 * DX), c, contact(ContactKind::Sticky, 0.0), [0.1, 0.0, -0.05]);
     core.motion.angular_velocity = [0.0, 0.0, 2.0];
-    problem.colliders.push(core);
+    problem.setup.colliders.push(core);
     let (p, _) = run(&problem, 48);
-    let t = 48.0 * problem.frame_s;
+    let t = 48.0 * problem.setup.frame_s;
     let moved = minus(centre(&p, 0..p.len()), centre(&problem.particles, 0..p.len()));
     assert!(norm(minus(moved, [0.1 * t, 0.0, -0.05 * t])) < 0.05 * DX, "{moved:?}");
     // It turns with the core: 2 rad in a second.
@@ -172,12 +177,17 @@ fn a_sticky_collider_carries_what_it_holds() {
 #[test]
 fn colliders_act_in_two_dimensions_and_in_single_precision() {
     let mut problem = empty(2, [16.0, 24.0, 1.0], DX);
-    problem.precision = gridfall_scene::schema::Precision::F32;
-    problem.gravity = [0.0, -9.81, 0.0];
-    problem.max_dt_s = Some(5e-4);
+    problem.setup.precision = gridfall_scene::schema::Precision::F32;
+    problem.setup.gravity = [0.0, -9.81, 0.0];
+    problem.setup.max_dt_s = Some(5e-4);
     fill(&mut problem, elastic(5e4, 0.3, 1000.0), 2, in_ball([8.0 * DX, 16.0 * DX, 0.0], 3.0 * DX), uniform([0.0; 3]));
     let floor = Primitive::Box([8.0 * DX, 2.0 * DX, 1.0]);
-    problem.colliders.push(collider(floor, [8.0 * DX, 8.0 * DX, 0.0], contact(ContactKind::Separate, 0.3), [0.0; 3]));
+    problem.setup.colliders.push(collider(
+        floor,
+        [8.0 * DX, 8.0 * DX, 0.0],
+        contact(ContactKind::Separate, 0.3),
+        [0.0; 3],
+    ));
     let (p, _) = run(&problem, 48);
     let lowest = p.x.iter().map(|x| x[1]).fold(f64::MAX, f64::min);
     println!("lowest particle {lowest:.4} m, floor {:.4} m", 10.0 * DX);
@@ -188,8 +198,8 @@ fn colliders_act_in_two_dimensions_and_in_single_precision() {
 fn leaving_the_domain_is_an_error_that_names_the_particle() {
     let mut problem = block_on_floor(Kernel::Quadratic, contact(ContactKind::Slip, 0.0));
     problem.particles.x[7][2] = -1.3 * DX;
-    let mut engine = CpuEngine::new(&problem).unwrap();
-    let error = engine.advance_frame(problem.frame_s, &NoControl).unwrap_err();
+    let mut engine = CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
+    let error = engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap_err();
     assert!(matches!(&error, EngineError::LeftDomain { step: 1, .. }), "{error}");
     assert!(error.to_string().contains("particle 7 (body \"body 0\")"), "{error}");
 }

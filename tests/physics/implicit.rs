@@ -7,30 +7,31 @@ use std::f64::consts::PI;
 
 use crate::problems::*;
 use gridfall_core::material::Law;
+use gridfall_core::material::parameters::{Elasticity, VonMises};
 use gridfall_core::maths::linalg::{Matrix, identity, to_row_major};
 use gridfall_core::sim::diagnostics::Row;
 use gridfall_core::sim::moments::moment_matrix;
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{Axis, Problem};
+use gridfall_core::sim::setup::{Axis, Problem};
+use gridfall_core::sim::setup::{Kernel, Material, Transfer};
 use gridfall_engine::implicit::ImplicitEngine;
 use gridfall_engine::{Engine, FrameStats, NoControl};
-use gridfall_scene::schema::{Elasticity, Kernel, Material, Transfer, VonMises};
 
 const KERNELS: [Kernel; 2] = [Kernel::Quadratic, Kernel::Compact];
 
 /// As [`empty`], to be integrated implicitly, in steps as long as frames while nothing moves further than ½ dx.
 fn implicit(dimension: usize, cells: Vec3, dx: f64, kernel: Kernel) -> Problem {
     let mut problem = empty(dimension, cells, dx);
-    problem.kernel = kernel;
-    problem.implicit.tolerance = 1e-9;
+    problem.setup.kernel = kernel;
+    problem.setup.implicit.tolerance = 1e-9;
     problem
 }
 
 /// Runs frames of one step each, checks that every solve converged, and calls `each` after every frame.
 fn run_steps(problem: &Problem, steps: usize, mut each: impl FnMut(&Particles, &FrameStats)) {
-    let mut engine = ImplicitEngine::new(problem).unwrap();
+    let mut engine = ImplicitEngine::new(&problem.setup, problem.particles.clone()).unwrap();
     for step in 1..=steps {
-        let stats = engine.advance_frame(problem.frame_s, &NoControl).unwrap();
+        let stats = engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap();
         assert_eq!(stats.steps, 1, "step {step} was to take one step");
         assert!(stats.solves.iter().all(|solve| solve.converged), "step {step}: {:?}", stats.solves);
         each(&engine.snapshot().unwrap(), &stats);
@@ -38,7 +39,7 @@ fn run_steps(problem: &Problem, steps: usize, mut each: impl FnMut(&Particles, &
 }
 
 fn sums(problem: &Problem, particles: &Particles) -> Row {
-    Row::measure(problem, particles, 0, 0.0, &FrameStats::default())
+    Row::measure(&problem.setup, particles, 0, 0.0, &FrameStats::default())
 }
 
 fn total_energy(problem: &Problem, particles: &Particles) -> f64 {
@@ -58,8 +59,8 @@ fn homogeneous_stress_is_in_equilibrium() {
     {
         let dx = 0.1;
         let mut problem = implicit(dimension, [4.0, 4.0, if dimension == 3 { 4.0 } else { 1.0 }], dx, kernel);
-        problem.axes = [Axis::Periodic; 3];
-        problem.frame_s = 0.05;
+        problem.setup.axes = [Axis::Periodic; 3];
+        problem.setup.frame_s = 0.05;
         let drift = if dimension == 3 { [0.3, -0.2, 0.1] } else { [0.3, -0.2, 0.0] };
         fill(&mut problem, neo_hookean(1e6, 0.3, 1000.0), 2, |_| true, uniform(drift));
         let mut f: Matrix<f64, 3> = [[1.1, 0.2, 0.0], [-0.1, 0.9, 0.1], [0.0, 0.05, 1.2]];
@@ -81,8 +82,8 @@ fn an_affine_velocity_field_deforms_a_body_uniformly() {
     for (kernel, transfer) in KERNELS.into_iter().flat_map(|k| [Transfer::Apic, Transfer::Mls].map(|t| (k, t))) {
         let dx = 0.1;
         let mut problem = implicit(2, [16.0, 16.0, 1.0], dx, kernel);
-        problem.transfer = transfer;
-        problem.frame_s = 0.02;
+        problem.setup.transfer = transfer;
+        problem.setup.frame_s = 0.02;
         let gradient = [[0.7, -0.4, 0.0], [0.9, 0.5, 0.0], [0.0; 3]];
         // So soft that the surface, where stress is not in equilibrium, is not felt three cells inside it.
         let block = in_box([0.4, 0.4, 0.0], [1.2, 1.2, 0.0]);
@@ -92,7 +93,7 @@ fn an_affine_velocity_field_deforms_a_body_uniformly() {
         let mut expected: Matrix<f64, 3> = identity();
         for i in 0..2 {
             for j in 0..2 {
-                expected[i][j] += problem.frame_s * gradient[i][j];
+                expected[i][j] += problem.setup.frame_s * gradient[i][j];
             }
         }
         let expected = to_row_major(&expected, 1.0);
@@ -109,8 +110,8 @@ fn a_thrown_body_falls_without_strain() {
     for (dimension, kernel) in [(2, Kernel::Quadratic), (2, Kernel::Compact), (3, Kernel::Compact)] {
         let dx = 0.05;
         let mut problem = implicit(dimension, [20.0, 20.0, if dimension == 3 { 20.0 } else { 1.0 }], dx, kernel);
-        problem.gravity = [0.0, -9.81, 0.0];
-        problem.frame_s = 0.01;
+        problem.setup.gravity = [0.0, -9.81, 0.0];
+        problem.setup.frame_s = 0.01;
         let v = [0.8, 1.3, 0.0];
         fill(
             &mut problem,
@@ -123,7 +124,7 @@ fn a_thrown_body_falls_without_strain() {
         let steps = 8;
         let mut after = start.clone();
         run_steps(&problem, steps, |p, _| after = p.clone());
-        let (dt, n) = (problem.frame_s, steps as f64);
+        let (dt, n) = (problem.setup.frame_s, steps as f64);
         let fall = -9.81 * dt * dt * 0.5 * n * (n + 1.0);
         for p in 0..start.len() {
             let expected = [start.x[p][0] + v[0] * n * dt, start.x[p][1] + v[1] * n * dt + fall, start.x[p][2]];
@@ -139,10 +140,10 @@ fn released(dimension: usize, kernel: Kernel, transfer: Transfer, material: Mate
     let dx = 1.0 / 16.0;
     let three = dimension == 3;
     let mut problem = implicit(dimension, [16.0, 16.0, if three { 16.0 } else { 1.0 }], dx, kernel);
-    problem.transfer = transfer;
-    problem.frame_s = 0.01;
+    problem.setup.transfer = transfer;
+    problem.setup.frame_s = 0.01;
     // Momentum is kept to the sum of the residuals.
-    problem.implicit.tolerance = 1e-11;
+    problem.setup.implicit.tolerance = 1e-11;
     let high = if three { 9.0 * dx } else { 0.0 };
     let low = if three { 5.0 * dx } else { 0.0 };
     let spin =
@@ -195,8 +196,8 @@ fn implicit_euler_slows_a_spinning_body_by_its_law() {
     for kernel in KERNELS {
         let dx = 1.0 / 16.0;
         let mut problem = implicit(2, [20.0, 20.0, 1.0], dx, kernel);
-        problem.frame_s = 0.02;
-        problem.implicit.tolerance = 1e-12;
+        problem.setup.frame_s = 0.02;
+        problem.setup.implicit.tolerance = 1e-12;
         let (center, omega) = ([10.0 * dx, 10.0 * dx, 0.0], 5.0);
         let spin = [[0.0, -omega, 0.0], [omega, 0.0, 0.0], [0.0; 3]];
         fill(&mut problem, elastic(1e8, 0.3, 1000.0), 2, in_ball(center, 5.0 * dx), linear([0.0; 3], spin, center));
@@ -209,11 +210,11 @@ fn implicit_euler_slows_a_spinning_body_by_its_law() {
         }
         // v is ω × x at first, and so tan θ = ω dt in the first step. From then on v = A x of the step's start with A = (R − I)/dt, and the
         // particles that have moved on carry A: I_x (2 sin θ' − sin(θ' + θ)) = I_D sin(θ − θ').
-        let mut angle = (omega * problem.frame_s).atan();
+        let mut angle = (omega * problem.setup.frame_s).atan();
         let start = angular_momentum(&problem, &problem.particles)[2];
         let (mut found, mut expected) = (Vec::new(), Vec::new());
         run_steps(&problem, 20, |p, _| {
-            expected.push(angle.sin() / (omega * problem.frame_s));
+            expected.push(angle.sin() / (omega * problem.setup.frame_s));
             found.push(angular_momentum(&problem, p)[2] / start);
             let before = angle;
             for _ in 0..8 {
@@ -238,7 +239,7 @@ fn a_free_bar_swings_and_is_damped_as_implicit_euler_has_it() {
         let (cells, dx) = (32, 1.0 / 32.0);
         let length = cells as f64 * dx;
         let mut problem = implicit(2, [cells as f64 + 8.0, 10.0, 1.0], dx, kernel);
-        problem.transfer = transfer;
+        problem.setup.transfer = transfer;
         let low = 4.0 * dx;
         let mode = move |x: f64| (PI * (x - low) / length).cos();
         let slope = move |x: f64| -PI / length * (PI * (x - low) / length).sin();
@@ -252,12 +253,12 @@ fn a_free_bar_swings_and_is_damped_as_implicit_euler_has_it() {
             swing,
         );
         let omega = PI * (1e4f64 / 1000.0).sqrt() / length;
-        problem.frame_s = 2.0 * PI / omega / 24.0;
+        problem.setup.frame_s = 2.0 * PI / omega / 24.0;
         let start = problem.particles.x.clone();
         let amplitude = |p: &Particles| p.v.iter().zip(&start).map(|(v, x)| v[0] * mode(x[0])).sum::<f64>();
         let mut values = vec![amplitude(&problem.particles)];
         run_steps(&problem, 48, |p, _| values.push(amplitude(p)));
-        let dt = problem.frame_s;
+        let dt = problem.setup.frame_s;
         let (angle, decay) = fit(&values[1..]);
         let (expected, shrink) = ((omega * dt).atan(), 1.0 / (1.0 + (omega * dt).powi(2)).sqrt());
         println!(
@@ -294,7 +295,7 @@ fn a_metal_bar_pulled_beyond_yield_ends_on_the_yield_surface() {
         for kernel in KERNELS {
             let dx = 0.05;
             let mut problem = implicit(2, [24.0, 12.0, 1.0], dx, kernel);
-            problem.frame_s = 1e-3;
+            problem.setup.frame_s = 1e-3;
             let yield_stress = 5e4;
             let metal = Material::VonMises(VonMises {
                 density: 1000.0,

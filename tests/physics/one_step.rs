@@ -1,7 +1,7 @@
 //! One step of random particles in f64: what a transfer may lose is rounding, and a comparator that would miss a loss is
 //! itself at fault.
 
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Problem;
 use gridfall_engine::explicit::cpu::stages;
 use gridfall_scene::schema::{Kernel, Transfer};
 use rand::{Rng, SeedableRng, rngs::StdRng};
@@ -13,7 +13,7 @@ fn random(kernel: Kernel, transfer: Transfer, seed: u64) -> Problem {
     println!("{kernel:?} {transfer:?}: seed {seed}");
     let rng = &mut StdRng::seed_from_u64(seed);
     let mut problem = empty(3, [16.0; 3], 0.25);
-    (problem.kernel, problem.transfer) = (kernel, transfer);
+    (problem.setup.kernel, problem.setup.transfer) = (kernel, transfer);
     fill(&mut problem, elastic(1e3, 0.3, 1000.0), 1, in_box([1.0; 3], [3.0; 3]), uniform([0.0; 3]));
     let p = &mut problem.particles;
     for i in 0..200 {
@@ -34,13 +34,13 @@ fn random(kernel: Kernel, transfer: Transfer, seed: u64) -> Problem {
     }
     p.plastic.truncate(200);
     p.body.truncate(200);
-    problem.bodies[0].particles = 0..200;
+    problem.setup.bodies[0].particles = 0..200;
     problem
 }
 
 /// Errors of momentum (over Σ m |v|) and angular momentum about the middle (over Σ m |x| |v|) after a step.
 fn losses(problem: &Problem) -> [f64; 2] {
-    let mut solver = stages(problem);
+    let mut solver = stages(&problem.setup, problem.particles.clone());
     let dt = 1e-3;
     solver.p2g(dt);
     solver.grid_update(dt, 0.0);
@@ -80,7 +80,7 @@ fn the_fused_stage_is_g2p_then_p2g() {
         problem.particles.x.iter_mut().flatten().for_each(|x| *x = 2.0 + 0.5 * (*x - 2.0));
         let dt = 1e-3;
         let started = || {
-            let mut solver = stages(&problem);
+            let mut solver = stages(&problem.setup, problem.particles.clone());
             solver.p2g(dt);
             solver.grid_update(dt, 0.0);
             solver
@@ -100,7 +100,7 @@ fn the_fused_stage_is_g2p_then_p2g() {
         let key = |n: &gridfall_engine::explicit::cpu::NodeState| (n.grid, n.index);
         for n in &a {
             let same = b.iter().find(|m| key(m) == key(n)).map_or(0.0, |m| m.mass);
-            assert!((same - n.mass).abs() < 1e-12 * problem.bodies[0].mass, "{n:?}");
+            assert!((same - n.mass).abs() < 1e-12 * problem.setup.bodies[0].mass, "{n:?}");
         }
     }
 }

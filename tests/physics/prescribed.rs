@@ -2,8 +2,8 @@
 
 use crate::problems::{Vec3, centre};
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::Problem;
 use gridfall_core::sim::reaction::WALLS;
+use gridfall_core::sim::setup::Problem;
 use gridfall_engine::explicit::cpu::CpuEngine;
 use gridfall_engine::{Engine, NoControl};
 use gridfall_scene::{self as scene, Limits};
@@ -43,10 +43,11 @@ fn twist(problem: &Problem, now: &Particles, range: [f64; 2]) -> f64 {
 #[test]
 fn grips_twist_a_bar_and_let_go() {
     let problem = twisted_bar();
-    assert_eq!(problem.colliders.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["bar/held", "bar/turned"]);
-    let mut engine = CpuEngine::new(&problem).unwrap();
+    assert_eq!(problem.setup.colliders.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["bar/held", "bar/turned"]);
+    let mut engine = CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
     let mut at = |frames: usize| {
-        let stats: Vec<_> = (0..frames).map(|_| engine.advance_frame(problem.frame_s, &NoControl).unwrap()).collect();
+        let stats: Vec<_> =
+            (0..frames).map(|_| engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap()).collect();
         let torques: Vec<[Vec3; 2]> =
             stats.iter().map(|s| [0, 1].map(|grip| s.reactions[WALLS + grip].torque)).collect();
         let now = engine.snapshot().unwrap();
@@ -82,13 +83,13 @@ fn keyframes_carry_a_body_there_and_back() {
                 "motion": {{ "keyframes": [ {{ "time": 0.25 }}, {{ "time": 0.5, "offset": [0.2, 0.1] }}, {{ "time": 1, "offset": [0, 0] }} ] }} }} ],
             "time": {{ "end": 1.25, "frame_rate": 20 }}, "solver": {{ "precision": "{precision}" }} }}"#
         ));
-        let mut engine = CpuEngine::new(&problem).unwrap();
+        let mut engine = CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
         for (frames, x, y) in [(5, 0.3, 0.5), (5, 0.5, 0.6), (5, 0.4, 0.55), (8, 0.3, 0.5)] {
-            (0..frames).for_each(|_| drop(engine.advance_frame(problem.frame_s, &NoControl).unwrap()));
+            (0..frames).for_each(|_| drop(engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap()));
             let now = engine.snapshot().unwrap();
             let at = centre(&now, 0..now.len());
             println!("{precision}: {at:?}, expected {x}, {y}");
-            assert!((at[0] - x).hypot(at[1] - y) < 0.15 * problem.dx);
+            assert!((at[0] - x).hypot(at[1] - y) < 0.15 * problem.setup.dx);
         }
     }
 }
@@ -107,9 +108,9 @@ fn colliders_come_and_go() {
             { "name": "floor", "contact": "separate", "from": 0.5, "shape": { "box": { "min": [0, 0.2], "max": [0.5, 0.5] } } } ],
         "time": { "end": 1, "frame_rate": 20 } }"#,
     );
-    let mut engine = CpuEngine::new(&problem).unwrap();
+    let mut engine = CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
     let mut height = |frames: usize| {
-        (0..frames).for_each(|_| drop(engine.advance_frame(problem.frame_s, &NoControl).unwrap()));
+        (0..frames).for_each(|_| drop(engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap()));
         let now = engine.snapshot().unwrap();
         centre(&now, 0..now.len())[1]
     };

@@ -1,14 +1,13 @@
 //! Problems built by hand for physics tests, and sums over their particles.
 
+use gridfall_core::material::parameters::{Elastic, Fluid};
 use gridfall_core::maths::linalg::{Matrix, apply, mul_transpose};
 use gridfall_core::sim::moments::moment_matrix;
 use gridfall_core::sim::particles::{IDENTITY, Particles};
-use gridfall_core::sim::problem::{Axis, Body, Contact, Problem};
+use gridfall_core::sim::setup::{Axis, Body, Contact, Problem, Setup};
+use gridfall_core::sim::setup::{ContactKind, Implicit, Integrator, Kernel, Material, Precision, Transfer};
 use gridfall_engine::explicit::cpu::CpuEngine;
 use gridfall_engine::{Engine, NoControl};
-use gridfall_scene::schema::{
-    ContactKind, Elastic, Fluid, Implicit, Integrator, Kernel, Material, Precision, Transfer,
-};
 
 pub type Vec3 = [f64; 3];
 
@@ -36,7 +35,7 @@ fn density(material: &Material) -> f64 {
 
 /// No bodies yet; f64, compact, MLS, no gravity, all walls separating.
 pub fn empty(dimension: usize, cells: Vec3, dx: f64) -> Problem {
-    Problem {
+    let setup = Setup {
         name: "test".into(),
         dimension,
         origin: [0.0; 3],
@@ -48,7 +47,6 @@ pub fn empty(dimension: usize, cells: Vec3, dx: f64) -> Problem {
         bodies: Vec::new(),
         sources: Vec::new(),
         colliders: Vec::new(),
-        particles: Particles::default(),
         kernel: Kernel::Compact,
         transfer: Transfer::Mls,
         precision: Precision::F64,
@@ -62,7 +60,8 @@ pub fn empty(dimension: usize, cells: Vec3, dx: f64) -> Problem {
         fields: Vec::new(),
         preview_points: 1000,
         seed: 1,
-    }
+    };
+    Problem { setup, particles: Particles::default() }
 }
 
 /// Fills the cells where `inside` says so with `per_axis`^d particles each; the velocity field's value and gradient give
@@ -74,10 +73,10 @@ pub fn fill(
     inside: impl Fn(Vec3) -> bool,
     velocity: impl Fn(Vec3) -> (Vec3, Matrix<f64, 3>),
 ) {
-    let (d, dx) = (problem.dimension, problem.dx);
+    let (d, dx) = (problem.setup.dimension, problem.setup.dx);
     let first = problem.particles.len();
     let spacing = dx / per_axis as f64;
-    let along = |a: usize| if a < d { problem.cells[a] * per_axis } else { 1 };
+    let along = |a: usize| if a < d { problem.setup.cells[a] * per_axis } else { 1 };
     for i in 0..along(0) {
         for j in 0..along(1) {
             for k in 0..along(2) {
@@ -85,34 +84,34 @@ pub fn fill(
                 if d == 2 {
                     x[2] = 0.0;
                 }
-                let x: Vec3 = std::array::from_fn(|a| x[a] + problem.origin[a]);
+                let x: Vec3 = std::array::from_fn(|a| x[a] + problem.setup.origin[a]);
                 if !inside(x) {
                     continue;
                 }
                 let (v, c) = velocity(x);
-                let units = std::array::from_fn(|a| (x[a] - problem.origin[a]) / dx);
-                let moment = moment_matrix(problem.kernel, units, dx, d);
+                let units = std::array::from_fn(|a| (x[a] - problem.setup.origin[a]) / dx);
+                let moment = moment_matrix(problem.setup.kernel, units, dx, d);
                 let b = mul_transpose(&c, &std::array::from_fn(|r| std::array::from_fn(|s| moment[3 * s + r])));
                 let p = &mut problem.particles;
                 p.x.push(x);
                 p.v.push(v);
-                let pic = problem.transfer == Transfer::Pic;
+                let pic = problem.setup.transfer == Transfer::Pic;
                 p.b.push(if pic { [0.0; 9] } else { std::array::from_fn(|n| b[n / 3][n % 3]) });
                 p.f.push(IDENTITY);
                 p.plastic.push(0.0);
-                p.body.push(problem.bodies.len() as u32);
+                p.body.push(problem.setup.bodies.len() as u32);
             }
         }
     }
     let volume0 = spacing.powi(d as i32);
-    problem.bodies.push(Body {
-        name: format!("body {}", problem.bodies.len()),
-        material: problem.materials.len(),
+    problem.setup.bodies.push(Body {
+        name: format!("body {}", problem.setup.bodies.len()),
+        material: problem.setup.materials.len(),
         particles: first..problem.particles.len(),
         volume0,
         mass: density(&material) * volume0,
     });
-    problem.materials.push(material);
+    problem.setup.materials.push(material);
     assert!(problem.particles.len() > first, "a body without particles");
 }
 
@@ -140,16 +139,16 @@ pub fn in_ball(center: Vec3, radius: f64) -> impl Fn(Vec3) -> bool {
 
 /// Runs `frames` frames on the CPU and returns the final states and the steps taken.
 pub fn run(problem: &Problem, frames: usize) -> (Particles, u64) {
-    let mut engine = CpuEngine::new(problem).unwrap();
+    let mut engine = CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
     let mut steps = 0;
     for _ in 0..frames {
-        steps += engine.advance_frame(problem.frame_s, &NoControl).unwrap().steps;
+        steps += engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap().steps;
     }
     (engine.snapshot().unwrap(), steps)
 }
 
 pub fn mass(problem: &Problem, p: &Particles, i: usize) -> f64 {
-    problem.bodies[p.body[i] as usize].mass
+    problem.setup.bodies[p.body[i] as usize].mass
 }
 
 /// Σ m v.

@@ -3,8 +3,8 @@
 use crate::problems::*;
 use gridfall_core::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, SdfOp};
 use gridfall_core::sim::particles::{IDENTITY, Particles};
-use gridfall_core::sim::problem::{Axis, Contact, Problem};
 use gridfall_core::sim::reaction::{Reaction, WALLS};
+use gridfall_core::sim::setup::{Axis, Contact, Problem};
 use gridfall_engine::explicit::cpu::CpuEngine;
 use gridfall_engine::{Engine, NoControl};
 use gridfall_scene::schema::{ContactKind, Kernel, Precision};
@@ -20,10 +20,10 @@ fn solid(primitive: Primitive, at: Vec3, kind: ContactKind, friction: f64, motio
 
 /// Runs frames; the mean reactions over the last `measured` of them.
 fn mean(problem: &Problem, settle: usize, measured: usize) -> (Vec<Reaction>, Particles) {
-    let mut engine = CpuEngine::new(problem).unwrap();
-    let mut sums = vec![Reaction::default(); WALLS + problem.colliders.len()];
+    let mut engine = CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
+    let mut sums = vec![Reaction::default(); WALLS + problem.setup.colliders.len()];
     for frame in 0..settle + measured {
-        let stats = engine.advance_frame(problem.frame_s, &NoControl).unwrap();
+        let stats = engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap();
         if frame >= settle {
             sums.iter_mut().zip(&stats.reactions).for_each(|(sum, r)| sum.add(&r.times(1.0 / measured as f64)));
         }
@@ -37,10 +37,10 @@ fn surfaces_take_all_the_momentum_that_is_lost() {
     for (dimension, kernel) in [(3, Kernel::Compact), (3, Kernel::Quadratic), (2, Kernel::Compact), (2, Kernel::Cubic)]
     {
         let mut problem = empty(dimension, [12.0, 12.0, 12.0], DX);
-        problem.kernel = kernel;
-        problem.axes[0] = walls(ContactKind::Slip);
-        problem.axes[1] = Axis::Walls([Contact { kind: ContactKind::Separate, friction: 0.3 }; 2]);
-        problem.gravity = if dimension == 3 { [1.0, -2.0, -9.0] } else { [1.0, -9.0, 0.0] };
+        problem.setup.kernel = kernel;
+        problem.setup.axes[0] = walls(ContactKind::Slip);
+        problem.setup.axes[1] = Axis::Walls([Contact { kind: ContactKind::Separate, friction: 0.3 }; 2]);
+        problem.setup.gravity = if dimension == 3 { [1.0, -2.0, -9.0] } else { [1.0, -9.0, 0.0] };
         let middle = if dimension == 3 { 6.0 * DX } else { 0.0 };
         let corner = if dimension == 3 { 2.0 * DX } else { 0.0 };
         let block = in_box([DX, DX, corner], [8.0 * DX, 6.0 * DX, 8.0 * DX]);
@@ -48,7 +48,7 @@ fn surfaces_take_all_the_momentum_that_is_lost() {
         let turning =
             Motion { linear_velocity: [-0.2, 0.0, 0.0], angular_velocity: [0.0, 0.0, 3.0], ..Motion::default() };
         let at = [8.0 * DX, 5.0 * DX, middle];
-        problem.colliders.push(solid(Primitive::Sphere(2.3 * DX), at, ContactKind::Separate, 0.4, turning));
+        problem.setup.colliders.push(solid(Primitive::Sphere(2.3 * DX), at, ContactKind::Separate, 0.4, turning));
         let held = solid(
             Primitive::Sphere(1.3 * DX),
             [3.0 * DX, 4.0 * DX, middle],
@@ -56,17 +56,17 @@ fn surfaces_take_all_the_momentum_that_is_lost() {
             0.0,
             Motion::default(),
         );
-        problem.colliders.push(held);
+        problem.setup.colliders.push(held);
         let frames = 6;
         let (reactions, after) = mean(&problem, 0, frames);
-        let t = frames as f64 * problem.frame_s;
+        let t = frames as f64 * problem.setup.frame_s;
         let (before, after) = (momentum(&problem, &problem.particles), momentum(&problem, &after));
         let m: f64 = (0..problem.particles.len()).map(|i| mass(&problem, &problem.particles, i)).sum();
         let touched = reactions.iter().filter(|r| norm(r.force) > 0.0).count();
         assert!(touched >= 4, "{kernel:?} {dimension}D: only {touched} surfaces were touched");
         for a in 0..dimension {
             let taken: f64 = reactions.iter().map(|r| r.force[a]).sum::<f64>() * t;
-            let lost = before[a] + m * problem.gravity[a] * t - after[a];
+            let lost = before[a] + m * problem.setup.gravity[a] * t - after[a];
             assert!((taken - lost).abs() < 1e-11 * m, "{kernel:?} {dimension}D axis {a}: {taken} taken, {lost} lost");
         }
     }
@@ -79,7 +79,7 @@ fn a_core_that_spins_a_body_up_bears_the_torque() {
     let c = [8.0 * DX; 3];
     fill(&mut problem, elastic(1e4, 0.3, 1000.0), 2, in_ball(c, 4.0 * DX), uniform([0.0; 3]));
     let spinning = Motion { angular_velocity: [0.0, 0.0, 2.0], ..Motion::default() };
-    problem.colliders.push(solid(Primitive::Sphere(2.5 * DX), c, ContactKind::Sticky, 0.0, spinning));
+    problem.setup.colliders.push(solid(Primitive::Sphere(2.5 * DX), c, ContactKind::Sticky, 0.0, spinning));
     let frames = 2;
     let (reactions, after) = mean(&problem, 0, frames);
     let torque = reactions[WALLS].torque;
@@ -88,7 +88,7 @@ fn a_core_that_spins_a_body_up_bears_the_torque() {
         let (r, s) = ((a + 1) % 3, (a + 2) % 3);
         l[a] - (c[r] * p[s] - c[s] * p[r])
     });
-    let given: Vec3 = std::array::from_fn(|a| -torque[a] * frames as f64 * problem.frame_s);
+    let given: Vec3 = std::array::from_fn(|a| -torque[a] * frames as f64 * problem.setup.frame_s);
     println!("torque {torque:?}, spin gained {gained:?}, given {given:?}");
     assert!(torque[2] < 0.0);
     assert!((0..3).all(|a| (gained[a] - given[a]).abs() < 1e-11));
@@ -99,13 +99,13 @@ fn a_core_that_spins_a_body_up_bears_the_torque() {
 fn a_block_at_rest_weighs_what_it_should() {
     for precision in [Precision::F64, Precision::F32] {
         let mut problem = empty(3, [12.0, 12.0, 12.0], DX);
-        problem.precision = precision;
-        problem.gravity = [0.0, 0.0, -9.81];
+        problem.setup.precision = precision;
+        problem.setup.gravity = [0.0, 0.0, -9.81];
         let block = in_box([4.0 * DX, 4.0 * DX, 4.0 * DX], [8.0 * DX, 8.0 * DX, 7.0 * DX]);
         fill(&mut problem, neo_hookean(1e5, 0.3, 1000.0), 2, block, uniform([0.0; 3]));
         let table = Primitive::Box([6.0 * DX, 6.0 * DX, 2.0 * DX]);
         let at = [6.0 * DX, 6.0 * DX, 2.0 * DX];
-        problem.colliders.push(solid(table, at, ContactKind::Separate, 0.3, Motion::default()));
+        problem.setup.colliders.push(solid(table, at, ContactKind::Separate, 0.3, Motion::default()));
         let (reactions, _) = mean(&problem, 12, 36);
         let weight = 9.81 * 1000.0 * 48.0 * DX.powi(3);
         let force = reactions[WALLS].force;
@@ -121,9 +121,9 @@ fn a_block_at_rest_weighs_what_it_should() {
 fn walls_bear_a_column_of_water() {
     for kernel in [Kernel::Compact, Kernel::Quadratic] {
         let mut problem = empty(2, [8.0, 24.0, 1.0], DX);
-        problem.kernel = kernel;
-        problem.gravity = [0.0, -9.81, 0.0];
-        problem.axes[0] = walls(ContactKind::Slip);
+        problem.setup.kernel = kernel;
+        problem.setup.gravity = [0.0, -9.81, 0.0];
+        problem.setup.axes[0] = walls(ContactKind::Slip);
         fill(&mut problem, fluid(1e6, 1.0), 2, in_box([0.0; 3], [8.0 * DX, 16.0 * DX, 0.0]), uniform([0.0; 3]));
         let (reactions, _) = mean(&problem, 24, 48);
         let weight = 1000.0 * 9.81 * 8.0 * 16.0 * DX * DX;
@@ -138,8 +138,8 @@ fn walls_bear_a_column_of_water() {
 #[test]
 fn sums_do_not_depend_on_the_number_of_threads() {
     let mut problem = empty(3, [12.0, 12.0, 12.0], DX);
-    problem.precision = Precision::F32;
-    problem.gravity = [0.0, -1.0, -9.81];
+    problem.setup.precision = Precision::F32;
+    problem.setup.gravity = [0.0, -1.0, -9.81];
     fill(&mut problem, fluid(1e4, 0.0), 2, in_box([0.0; 3], [8.0 * DX; 3]), uniform([1.0, 0.0, 0.0]));
     let one = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

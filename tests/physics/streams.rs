@@ -2,7 +2,7 @@
 
 use crate::problems::{mass, momentum};
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Problem;
 use gridfall_engine::explicit::cpu::CpuEngine;
 use gridfall_engine::{Engine, NoControl};
 use gridfall_scene::estimate::estimate;
@@ -29,12 +29,12 @@ fn pouring(precision: &str, gravity: f64, bodies: &str) -> Problem {
 
 /// All frames' states.
 fn run(problem: &Problem) -> Vec<Particles> {
-    let mut engine = CpuEngine::new(problem).unwrap();
+    let mut engine = CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
     let frame = |frame: u32| {
-        gridfall_recording::run::advance(problem, &mut engine, frame, &NoControl).unwrap();
+        gridfall_recording::run::advance(&problem.setup, &mut engine, frame, &NoControl).unwrap();
         engine.snapshot().unwrap()
     };
-    (0..problem.frames).map(frame).collect()
+    (0..problem.setup.frames).map(frame).collect()
 }
 
 #[test]
@@ -43,11 +43,11 @@ fn a_stream_brings_what_was_promised_in_free_flight() {
     let frames = run(&problem);
     let last = frames.last().unwrap();
     assert_eq!(last.len() as u64, estimate(&problem).particles);
-    assert_eq!(last.len(), problem.total_particles());
+    assert_eq!(last.len(), problem.setup.total_particles());
     // Through 0.125 m × 0.125 m at 1 m/s for 0.25 s.
     let of_tap = |p: &Particles| (0..p.len()).filter(|&i| p.body[i] == 0).map(|i| mass(&problem, p, i)).sum::<f64>();
     for (n, p) in frames.iter().enumerate() {
-        let t = (f64::from(n as u32 + 1) * problem.frame_s).min(0.25);
+        let t = (f64::from(n as u32 + 1) * problem.setup.frame_s).min(0.25);
         let expected = 1000.0 * 0.125 * 0.125 * t;
         let layer = 1000.0 * 0.125 * 0.125 * 0.03125;
         assert!((of_tap(p) - expected).abs() < 0.51 * layer, "{} kg after {t} s, expected {expected}", of_tap(p));
@@ -69,7 +69,7 @@ fn streams_are_the_same_in_every_run_and_fall_on_what_is_there() {
     let (first, second) = (run(&problem), run(&problem));
     assert_eq!(first, second);
     let last = first.last().unwrap();
-    assert_eq!(last.len(), problem.total_particles());
+    assert_eq!(last.len(), problem.setup.total_particles());
     let there = problem.particles.len();
     assert!(last.body[..there].iter().all(|&body| body == 0) && last.body[there..].iter().all(|&body| body > 0));
     assert!(last.x.iter().flatten().all(|x| x.is_finite()) && momentum(&problem, last)[2] < 0.0);

@@ -2,13 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use gridfall_core::sim::problem::{Integrator, Problem};
+use gridfall_core::sim::setup::Integrator;
 use gridfall_engine::{Control, Engine};
-use gridfall_recording::run::{Observer, run};
+use gridfall_recording::run::Observer;
 use gridfall_scene::schema::Scene;
 use serde_json::{Value, json};
 
-use super::fixture::{Ballistic, Watch, messages, numbers, outputs, problem, python, record, scene};
+use super::fixture::{Ballistic, Watch, messages, numbers, outputs, problem, python, record, run, scene};
 
 #[test]
 fn a_recording_holds_what_was_simulated() {
@@ -23,7 +23,7 @@ fn a_recording_holds_what_was_simulated() {
     assert_eq!(clouds.len(), 6);
     for (frame, cloud) in clouds.into_iter().enumerate() {
         if frame > 0 {
-            engine.advance_frame(problem.frame_s, &Watch::new(u64::MAX)).unwrap();
+            engine.advance_frame(problem.setup.frame_s, &Watch::new(u64::MAX)).unwrap();
         }
         let (state, points) = (&engine.state, &cloud["content"]["points"]);
         for a in 0..3 {
@@ -84,7 +84,7 @@ fn a_scene_runs_on_the_cpu_engine_and_is_recorded() {
     });
     let scene = gridfall_scene::parse(&json.to_string()).unwrap();
     let problem = gridfall_scene::problem(&scene, &Default::default()).unwrap();
-    let mut engine = gridfall_engine::explicit::cpu::CpuEngine::new(&problem).unwrap();
+    let mut engine = gridfall_engine::explicit::cpu::CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
     let directory = tempfile::tempdir().unwrap();
     let out = outputs(directory.path());
     struct Nobody;
@@ -150,7 +150,8 @@ fn diagnostics_agree_in_protobuf_and_csv() {
 fn implicit_steps_are_recorded_at_their_time() {
     let directory = tempfile::tempdir().unwrap();
     let reason = "it is stiff".to_owned();
-    let problem = Problem { integrator: Integrator::Implicit, integrator_reason: reason, ..problem(0.1) };
+    let mut problem = problem(0.1);
+    (problem.setup.integrator, problem.setup.integrator_reason) = (Integrator::Implicit, reason);
     let out = record(&problem, directory.path());
     let recording = &python(&[], std::slice::from_ref(&out.recording))[0];
     assert_eq!(recording["metadata"]["run"]["integrator"], "implicit");
@@ -239,7 +240,8 @@ fn colliders_are_drawn_and_move() {
 #[test]
 fn provenance_is_inside() {
     let directory = tempfile::tempdir().unwrap();
-    let problem = Problem { preview_points: 100, ..problem(0.05) };
+    let mut problem = problem(0.05);
+    problem.setup.preview_points = 100;
     let recording = &python(&[], &[record(&problem, directory.path()).recording])[0];
     let attached = recording["attachments"]["scene.json"].as_str().unwrap();
     assert_eq!(serde_json::from_str::<Scene>(attached).unwrap(), scene());

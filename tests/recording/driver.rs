@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use gridfall_engine::{Control, EngineError};
 use gridfall_recording as recording;
-use gridfall_recording::run::{FrameReport, Observer, RunError, Summary, run};
+use gridfall_recording::run::{FrameReport, Observer, RunError, Summary};
 
-use super::fixture::{Ballistic, Watch, messages, outputs, problem, python, record, scene};
+use super::fixture::{Ballistic, Watch, messages, outputs, problem, python, record, run, scene};
 
 #[test]
 fn the_same_run_gives_the_same_bytes() {

@@ -6,10 +6,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use gridfall_core::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, SdfOp};
 use gridfall_core::sim::particles::{IDENTITY, Particles};
-use gridfall_core::sim::problem::{Axis, Body, Contact, ContactKind, Field, Implicit, Integrator, Problem};
 use gridfall_core::sim::reaction::Reaction;
+use gridfall_core::sim::setup::{Axis, Body, Contact, ContactKind, Field, Implicit, Integrator, Problem, Setup};
 use gridfall_engine::{Backend, Control, Engine, EngineError, FrameStats, Solve};
-use gridfall_recording::run::{FrameReport, Observer, Outputs, run};
+use gridfall_recording::Appearance;
+use gridfall_recording::run::{self, FrameReport, Observer, Outputs, RunError, Summary};
 use gridfall_scene::schema::Scene;
 use serde_json::{Value, json};
 
@@ -74,7 +75,7 @@ impl Engine for Ballistic {
         for p in 0..self.state.len() {
             for a in 0..3 {
                 self.state.x[p][a] += frame_s * self.state.v[p][a];
-                self.state.v[p][a] += frame_s * self.problem.gravity[a];
+                self.state.v[p][a] += frame_s * self.problem.setup.gravity[a];
             }
             self.state.f[p][0] *= 1.001;
         }
@@ -87,12 +88,12 @@ impl Engine for Ballistic {
             dt_s: frame_s / STEPS as f64,
             isolated_reset: self.frame % 2,
             reactions,
-            solves: if self.problem.integrator == Integrator::Implicit { self.solves(frame_s) } else { vec![] },
+            solves: if self.problem.setup.integrator == Integrator::Implicit { self.solves(frame_s) } else { vec![] },
         })
     }
 
-    fn append(&mut self, particles: &Particles) -> Result<(), EngineError> {
-        self.state.append(particles.clone());
+    fn append(&mut self, particles: Particles) -> Result<(), EngineError> {
+        self.state.append(particles);
         Ok(())
     }
 
@@ -186,7 +187,7 @@ pub fn problem(spacing: f64) -> Problem {
         keyframes: vec![],
     };
     let still = Motion::default();
-    Problem {
+    let setup = Setup {
         name: scene.name.clone(),
         dimension: 3,
         origin: [0.0; 3],
@@ -208,7 +209,6 @@ pub fn problem(spacing: f64) -> Problem {
                 &Motion { linear_velocity: [0.0, 0.0, 0.1], ..still.clone() },
             ),
         ],
-        particles,
         kernel: scene.solver.kernel,
         transfer: scene.solver.transfer,
         precision: scene.solver.precision,
@@ -222,7 +222,8 @@ pub fn problem(spacing: f64) -> Problem {
         fields: vec![Field::Velocity, Field::J, Field::VonMises, Field::Pressure],
         preview_points: 200_000,
         seed: 1,
-    }
+    };
+    Problem { setup, particles }
 }
 
 pub fn outputs(directory: &Path) -> Outputs {
@@ -232,6 +233,18 @@ pub fn outputs(directory: &Path) -> Outputs {
         diagnostics: Some(directory.join("out.csv")),
         solver: Some(directory.join("solver.csv")),
     }
+}
+
+/// Records a run of a problem that `engine` has loaded.
+pub fn run(
+    scene: &Scene,
+    problem: &Problem,
+    engine: &mut dyn Engine,
+    out: &Outputs,
+    observer: &dyn Observer,
+) -> Result<Summary, RunError> {
+    let appearance = Appearance::new(&problem.setup, &problem.particles);
+    run::run(&scene.to_json(), &problem.setup, &appearance, engine, out, observer)
 }
 
 pub fn record(problem: &Problem, directory: &Path) -> Outputs {

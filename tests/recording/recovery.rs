@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Problem;
 use gridfall_engine::Control;
 use gridfall_recording as recording;
-use gridfall_recording::run::{FrameReport, Observer, run};
+use gridfall_recording::run::{FrameReport, Observer};
 
-use super::fixture::{Ballistic, outputs, problem, python, scene};
+use super::fixture::{Ballistic, outputs, problem, python, run, scene};
 
 /// Where each frame of a recording ends on disk, and the bytes as a crash right behind the last frame leaves them.
 fn unfinished(problem: &Problem, directory: &Path) -> (Vec<u8>, Vec<u64>) {

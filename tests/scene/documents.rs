@@ -46,7 +46,10 @@ fn are_small_enough_for_any_machine_or_have_a_variant_that_is() {
     for (path, scene) in all.iter().filter(|(_, scene)| !is_large(scene, &all)) {
         let problem = scene::problem(scene, &Limits::default()).unwrap_or_else(|f| panic!("{path:?}: {f:#?}"));
         let particles = problem.particles.len() as u64;
-        println!("{}: {particles} particles, {:?} cells, {} frames", scene.name, problem.cells, problem.frames);
+        println!(
+            "{}: {particles} particles, {:?} cells, {} frames",
+            scene.name, problem.setup.cells, problem.setup.frames
+        );
         assert!((100..=MODEST).contains(&particles), "{path:?} has {particles} particles");
     }
 }

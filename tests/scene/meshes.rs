@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Problem;
 use gridfall_scene::assets::LocalFiles;
 use gridfall_scene::{self as scene, Fault, Limits};
 use serde_json::{Value, json};
@@ -31,7 +31,7 @@ fn judge(document: &Value, folder: &Path) -> Result<Problem, Vec<Fault>> {
 }
 
 fn mass(problem: &Problem) -> f64 {
-    problem.bodies.iter().map(|b| b.mass * b.particles.len() as f64).sum()
+    problem.setup.bodies.iter().map(|b| b.mass * b.particles.len() as f64).sum()
 }
 
 #[test]
@@ -104,7 +104,7 @@ fn the_same_file_is_sampled_once() {
         }
     }
     let problem = judge(&document, dir.path()).unwrap();
-    let field = |n: usize| std::sync::Arc::as_ptr(problem.colliders[n].sdf.fields().next().unwrap().0);
+    let field = |n: usize| std::sync::Arc::as_ptr(problem.setup.colliders[n].sdf.fields().next().unwrap().0);
     assert_eq!(field(0), field(1));
 }
 

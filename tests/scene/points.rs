@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Problem;
 use gridfall_scene::assets::LocalFiles;
 use gridfall_scene::{self as scene, Fault, Limits};
 use serde_json::{Value, json};
@@ -47,8 +47,8 @@ fn a_body_has_the_points_of_its_file() {
     assert_eq!(p.v, [[1.0, 2.0 - 0.5, 13.0], [-1.0, 0.5, 10.0]]);
     assert!((p.f[1][0] - 0.8).abs() < 1e-12);
     let volume = 0.125f64.powi(3) / 5.0;
-    assert!((problem.bodies[0].volume0 / volume - 1.0).abs() < 1e-12);
-    assert!((problem.bodies[0].mass / (2.0 * volume) - 1.0).abs() < 1e-12);
+    assert!((problem.setup.bodies[0].volume0 / volume - 1.0).abs() < 1e-12);
+    assert!((problem.setup.bodies[0].mass / (2.0 * volume) - 1.0).abs() < 1e-12);
 }
 
 #[test]

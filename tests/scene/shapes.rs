@@ -35,7 +35,7 @@ fn scene_with(shape: &Shape) -> Scene {
 
 fn sdf(shape: &Shape) -> Sdf {
     let problem = scene::problem(&scene_with(shape), &Limits::default());
-    problem.unwrap_or_else(|faults| panic!("{shape:?}: {faults:?}")).colliders.remove(0).sdf
+    problem.unwrap_or_else(|faults| panic!("{shape:?}: {faults:?}")).setup.colliders.remove(0).sdf
 }
 
 /// Whether a point lies in a shape, straight from the definition of the scene format.
@@ -352,7 +352,7 @@ fn sampled_mass_is_volume_times_density() {
             document["bodies"][0]["shape"] = shape.clone();
             document["bodies"][0]["sampling"] = json!(sampling);
             let problem = scene::problem(&scene::from_value(&document).unwrap(), &Limits::default()).unwrap();
-            let mass = problem.particles.len() as f64 * problem.bodies[0].mass;
+            let mass = problem.particles.len() as f64 * problem.setup.bodies[0].mass;
             assert!(
                 (mass / (2.0 * volume) - 1.0).abs() < 0.01,
                 "{sampling} {shape}: {mass} kg, {} expected",
@@ -377,7 +377,7 @@ fn poisson_disk_points_may_be_any_number_a_cell_up_to_the_walls() {
         // Dart throwing crowds the walls a little, where no points lie beyond.
         let expected = 512.0 * f64::from(per_cell);
         assert!((x.len() as f64 / expected - 1.0).abs() < 0.15, "{per_cell} a cell: {} of {expected}", x.len());
-        assert!((x.len() as f64 * problem.bodies[0].volume0 / 64.0 - 1.0).abs() < 0.01, "{per_cell} a cell");
+        assert!((x.len() as f64 * problem.setup.bodies[0].volume0 / 64.0 - 1.0).abs() < 0.01, "{per_cell} a cell");
     }
 }
 
@@ -386,8 +386,8 @@ fn the_papers_sphere_has_the_papers_number_of_particles() {
     // CK-MPM §6.1: radius 10 dx, 8 particles a cell, 33,552 particles.
     let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/colliding-spheres.json")).unwrap();
     let problem = scene::problem(&scene::parse(&text).unwrap(), &Limits::default()).unwrap();
-    assert_eq!(problem.bodies[0].particles.len(), 33_552);
-    assert_eq!(problem.bodies[1].particles.len(), 33_552);
+    assert_eq!(problem.setup.bodies[0].particles.len(), 33_552);
+    assert_eq!(problem.setup.bodies[1].particles.len(), 33_552);
 }
 
 #[test]
@@ -413,7 +413,7 @@ fn the_initial_state_is_the_rigid_motion_and_gradient_that_was_asked_for() {
         }
         let still = p.b.iter().all(|b| *b == [0.0; 9]);
         assert_eq!(still, transfer == "pic", "{kernel} {transfer}");
-        let rate = gridfall_core::sim::timestep::initial_extremes(&problem).affine_rate_1_s;
+        let rate = gridfall_core::sim::timestep::initial_extremes(&problem.setup, &problem.particles).affine_rate_1_s;
         let expected = if still { 0.0 } else { c.iter().map(|c| c * c).sum::<f64>().sqrt() };
         assert!((rate - expected).abs() < 1e-9, "{kernel} {transfer}: ‖C‖ = {rate}, {expected} expected");
     }

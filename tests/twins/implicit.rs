@@ -6,15 +6,15 @@
 use std::collections::HashMap;
 
 use gridfall_core::maths::linalg::{apply, dot};
-use gridfall_core::sim::problem::{Kernel, Material, Problem, Transfer};
+use gridfall_core::sim::setup::{Kernel, Material, Problem, Transfer};
 use gridfall_engine::NoControl;
-use gridfall_engine::gpu::implicit::{NodeReading, Stepper, SystemReading};
-use gridfall_engine::implicit::discretisation::Discretisation;
-use gridfall_engine::implicit::objective::{Field, Freedom, NodeId, Objective};
-use gridfall_engine::implicit::potential::Potential;
-use gridfall_engine::implicit::sparse::Bsr;
-use gridfall_engine::implicit::state::{BodySetup, setups};
-use gridfall_engine::implicit::transfer::grid_to_particles;
+use gridfall_engine::implicit::gpu::{NodeReading, Stepper, SystemReading};
+use gridfall_engine::implicit::physics::discretisation::Discretisation;
+use gridfall_engine::implicit::physics::potential::Potential;
+use gridfall_engine::implicit::physics::state::{BodySetup, setups};
+use gridfall_engine::implicit::physics::transfer::grid_to_particles;
+use gridfall_engine::implicit::solver::objective::{Field, Freedom, NodeId, Objective};
+use gridfall_engine::implicit::solver::sparse::Bsr;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -63,7 +63,7 @@ fn scene(kernel: &str, transfer: &str, [a, b, c]: [&str; 3], seed: u64) -> Probl
     ));
     common::randomise(&mut problem, &mut ChaCha8Rng::seed_from_u64(seed));
     // States as f32 has them: beside a kernel's edge, weights magnify a rounding of the position.
-    problem.particles = Stepper::new(common::gpu(), &problem).unwrap().snapshot().unwrap();
+    problem.particles = Stepper::new(common::gpu(), &problem.setup, &problem.particles).unwrap().snapshot().unwrap();
     problem
 }
 
@@ -76,13 +76,13 @@ struct Reference<'a> {
 
 impl<'a> Reference<'a> {
     fn new(problem: &'a Problem) -> Self {
-        let bodies = setups::<3>(problem);
-        let step = Discretisation::<3>::new(problem, &bodies, &problem.particles, TIME_S, DT_S);
+        let bodies = setups::<3>(&problem.setup);
+        let step = Discretisation::<3>::new(&problem.setup, &bodies, &problem.particles, TIME_S, DT_S);
         Self { problem, bodies, step }
     }
 
     fn potential(&self) -> Potential<'_, 3> {
-        Potential::new(self.problem, &self.bodies, &self.step, &NoControl)
+        Potential::new(&self.problem.setup, &self.bodies, &self.step, &NoControl)
     }
 
     /// A Δv near where the solver starts, which keeps what is prescribed.
@@ -117,7 +117,7 @@ fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
 }
 
 fn compare_nodes(gpu: &[NodeReading], cpu: &Reference) -> Differences {
-    let full = DENSITY * cpu.problem.dx.powi(3);
+    let full = DENSITY * cpu.problem.setup.dx.powi(3);
     let places: HashMap<NodeId<3>, usize> =
         cpu.step.topology.nodes.iter().enumerate().map(|(i, &id)| (id, i)).collect();
     let [mut mass, mut momentum, mut stiffness, mut target] = [0.0; 4];
@@ -162,7 +162,7 @@ fn rows_of(gpu: &SystemReading, cpu: &Reference) -> Vec<Option<usize>> {
 /// What the system, and matrix, gradient and energy at a Δv differ by; leaves that Δv on the device.
 fn compare_system(stepper: &Stepper, cpu: &Reference, potential: &Potential<3>, at: &Field<3>) -> Differences {
     let gpu = stepper.system().unwrap();
-    let full = DENSITY * cpu.problem.dx.powi(3);
+    let full = DENSITY * cpu.problem.setup.dx.powi(3);
     let rows = rows_of(&gpu, cpu);
     let mut unlike = gpu.ids.len().abs_diff(at.len()) as f64;
     let [mut freedom, mut scale] = [0.0; 2];
@@ -246,18 +246,18 @@ fn compare_end(stepper: &mut Stepper, cpu: &Reference, dv: &Field<3>) -> Differe
     let velocities = potential.velocities(dv);
     let (_, impulses) = potential.energy_and_forces(dv);
     let share = cpu.step.topology.interpolation.shape.share;
-    let reactions = cpu.step.boundary.reactions(problem, share, &impulses);
+    let reactions = cpu.step.boundary.reactions(&problem.setup, share, &impulses);
     let (state, moves) =
-        grid_to_particles(problem, &cpu.step.topology, &cpu.step.state, &cpu.bodies, &velocities, DT_S);
+        grid_to_particles(&problem.setup, &cpu.step.topology, &cpu.step.state, &cpu.bodies, &velocities, DT_S);
     let mut after = problem.particles.clone();
     state.store(&cpu.step.topology, &mut after);
     let gpu = stepper.snapshot().unwrap();
     let [mut x, mut v, mut b, mut f] = [0.0; 4];
     for id in 0..after.len() {
-        larger(&mut x, distance(&gpu.x[id], &after.x[id]) / problem.dx);
+        larger(&mut x, distance(&gpu.x[id], &after.x[id]) / problem.setup.dx);
         larger(&mut v, distance(&gpu.v[id], &after.v[id]));
         for k in 0..9 {
-            larger(&mut b, (gpu.b[id][k] - after.b[id][k]).abs() / problem.dx);
+            larger(&mut b, (gpu.b[id][k] - after.b[id][k]).abs() / problem.setup.dx);
             larger(&mut f, (gpu.f[id][k] - after.f[id][k]).abs());
         }
         larger(&mut f, (gpu.plastic[id] - after.plastic[id]).abs());
@@ -279,7 +279,7 @@ fn step(gpu: &Problem, cpu: &Problem, seed: u64) -> (Differences, bool) {
     let mut reference = Reference::new(cpu);
     let rng = &mut ChaCha8Rng::seed_from_u64(seed);
     let (first, second) = (reference.somewhere(rng), reference.somewhere(rng));
-    let mut stepper = Stepper::new(common::gpu(), gpu).unwrap();
+    let mut stepper = Stepper::new(common::gpu(), &gpu.setup, &gpu.particles).unwrap();
     stepper.begin(TIME_S, DT_S, false).unwrap();
     let mut found = compare_nodes(&stepper.nodes(false).unwrap(), &reference);
     found.extend(compare_system(&stepper, &reference, &reference.potential(), &first));
@@ -326,19 +326,19 @@ fn planted_errors_are_caught() {
     type Plant<'a> = &'a dyn Fn(&mut Problem);
     let planted: [(&str, Plant); 6] = [
         ("stiffness off by a thousandth", &|p| {
-            let Material::FixedCorotated(e) = &mut p.materials[p.bodies[0].material] else { panic!() };
+            let Material::FixedCorotated(e) = &mut p.setup.materials[p.setup.bodies[0].material] else { panic!() };
             e.youngs_modulus *= 1.001;
         }),
         ("one particle's F", &|p| p.particles.f[100][1] += 1e-3),
-        ("one particle's B", &|p| p.particles.b[200][5] += 1e-3 * p.dx),
-        ("friction of a collider", &|p| p.colliders[0].contact.friction = 0.21),
-        ("collider faster", &|p| p.colliders[2].motion.angular_velocity[0] += 0.01),
-        ("gradients instead of D⁻¹", &|p| p.transfer = Transfer::Apic),
+        ("one particle's B", &|p| p.particles.b[200][5] += 1e-3 * p.setup.dx),
+        ("friction of a collider", &|p| p.setup.colliders[0].contact.friction = 0.21),
+        ("collider faster", &|p| p.setup.colliders[2].motion.angular_velocity[0] += 0.01),
+        ("gradients instead of D⁻¹", &|p| p.setup.transfer = Transfer::Apic),
     ];
     for (name, plant) in planted {
         let mut wrong = problem.clone();
         plant(&mut wrong);
-        assert_eq!(wrong.kernel, Kernel::Compact);
+        assert_eq!(wrong.setup.kernel, Kernel::Compact);
         assert!(!agrees(&step(&wrong, &problem, 41).0), "not caught: {name}");
     }
 }

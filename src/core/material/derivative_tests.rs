@@ -12,7 +12,7 @@ const MODULUS: f64 = 1e5;
 
 /// Every law that is integrated implicitly, with a plastic state that hardens snow.
 fn laws() -> Vec<(Law<f64>, f64)> {
-    let solid = law_samples().into_iter().filter(|m| !m.is_fluid());
+    let solid = samples().into_iter().filter(|m| !m.is_fluid());
     solid.map(|m| (Law::new(&m), if let Material::Snow(_) = m { 0.97 } else { initial_plastic_state(&m) })).collect()
 }
 
@@ -273,7 +273,7 @@ fn spatial_stiffness_is_the_derivative_pushed_forward() {
 #[test]
 fn the_characteristic_stiffness_is_that_at_rest() {
     fn check<const D: usize>() {
-        for material in law_samples().iter().filter(|m| !m.is_fluid()) {
+        for material in samples().iter().filter(|m| !m.is_fluid()) {
             let law = Law::<f64>::new(material);
             let tangent = law.projected_derivative(&identity::<f64, D>(), initial_plastic_state(material));
             let norm = full(&tangent).norm();

@@ -11,6 +11,7 @@ mod nacc;
 mod neo_hookean;
 pub mod parameters;
 mod principal;
+mod samples;
 mod snow;
 mod stiffness;
 mod stretch;
@@ -24,6 +25,7 @@ pub use fixed_corotated::FixedCorotated;
 pub use nacc::Nacc;
 pub use neo_hookean::NeoHookean;
 pub use principal::Flow;
+pub use samples::samples;
 pub use snow::Snow;
 pub use stiffness::{Projected, Tensor4};
 pub use stvk_hencky::StvkHencky;
@@ -207,7 +209,5 @@ pub fn cauchy(material: &Material, dimension: usize, f: &[f64; 9], plastic: f64)
 mod derivative_tests;
 #[cfg(test)]
 mod plastic_tests;
-#[cfg(test)]
-pub use plastic_tests::samples as law_samples;
 #[cfg(test)]
 mod tests;

@@ -5,69 +5,12 @@ use rand::{Rng, SeedableRng, rngs::StdRng};
 
 use super::parameters;
 use super::principal::Principal;
+use super::samples::samples;
 use super::*;
 use crate::maths::linalg::{Matrix, Vector, identity, mul_transpose};
 use crate::maths::svd::svd;
 
 const ELASTIC: Elastic = Elastic { density: 1000.0, youngs_modulus: 1e5, poissons_ratio: 0.3 };
-
-/// One material of every law, by a match that the compiler keeps complete.
-pub fn samples() -> Vec<Material> {
-    let (density, youngs_modulus, poissons_ratio) = (1000.0, 1e5, 0.3);
-    let von_mises = |elasticity| {
-        Material::VonMises(parameters::VonMises {
-            density,
-            youngs_modulus,
-            poissons_ratio,
-            yield_stress: 2e3,
-            elasticity,
-        })
-    };
-    let all = vec![
-        Material::FixedCorotated(ELASTIC),
-        Material::NeoHookean(ELASTIC),
-        Material::StvkHencky(ELASTIC),
-        Material::WeaklyCompressibleFluid(parameters::Fluid {
-            density,
-            bulk_modulus: 1e5,
-            gamma: 7.15,
-            viscosity: 0.5,
-        }),
-        Material::DruckerPrager(parameters::DruckerPrager {
-            density,
-            youngs_modulus,
-            poissons_ratio,
-            friction_angle_degrees: 30.0,
-        }),
-        Material::Nacc(parameters::Nacc {
-            density,
-            youngs_modulus,
-            poissons_ratio,
-            m: 2.36,
-            beta: 0.5,
-            xi: 3.0,
-            alpha0: -0.01,
-        }),
-        von_mises(parameters::Elasticity::Hencky),
-        von_mises(parameters::Elasticity::FixedCorotated),
-        Material::Snow(parameters::Snow {
-            density,
-            youngs_modulus,
-            poissons_ratio,
-            critical_compression: 0.025,
-            critical_stretch: 0.0075,
-            hardening: 10.0,
-        }),
-    ];
-    for material in &all {
-        match material {
-            Material::FixedCorotated(_) | Material::NeoHookean(_) | Material::StvkHencky(_) => {}
-            Material::WeaklyCompressibleFluid(_) | Material::DruckerPrager(_) | Material::Nacc(_) => {}
-            Material::VonMises(_) | Material::Snow(_) => {}
-        }
-    }
-    all
-}
 
 /// A plastic state that the law can be in, from a number in [0, 1).
 fn plastic_state(material: &Material, share: f64) -> f64 {

@@ -12,8 +12,8 @@ use rayon::prelude::*;
 
 use super::moments::moment_matrix;
 use super::particles::Particles;
-use super::problem::{Problem, Transfer};
 use super::reaction::{Reaction, Surface, named_surfaces};
+use super::setup::{Setup, Transfer};
 use super::stats::FrameStats;
 use crate::material;
 
@@ -75,13 +75,13 @@ impl Row {
     /// A particle stands for the velocity field v + C (x − x_p) weighted by its kernel. With B = Σ w v (x_i − x_p)ᵀ and
     /// D = Σ w (x_i − x_p)(x_i − x_p)ᵀ, its angular momentum beyond x_p × v is L_k = ε_kij B_ji, and its kinetic energy
     /// beyond ½ v² is ½ tr(B Cᵀ), C = B D⁻¹ (Jiang et al. 2015, "The affine particle-in-cell method", §5). PIC has neither.
-    pub fn measure(problem: &Problem, particles: &Particles, frame: u64, time_s: f64, stats: &FrameStats) -> Self {
+    pub fn measure(setup: &Setup, particles: &Particles, frame: u64, time_s: f64, stats: &FrameStats) -> Self {
         let partials: Vec<Tally> = (0..particles.len())
             .into_par_iter()
             .chunks(CHUNK)
             .map(|chunk| {
                 let mut tally = Tally::default();
-                chunk.into_iter().for_each(|p| tally.add_particle(problem, particles, p));
+                chunk.into_iter().for_each(|p| tally.add_particle(setup, particles, p));
                 tally
             })
             .collect();
@@ -111,7 +111,7 @@ impl Row {
             iterations: stats.solves.iter().map(|solve| u64::from(solve.iterations)).sum(),
             residual: stats.solves.iter().map(|solve| solve.residual).fold(0.0, f64::max),
             halvings: stats.solves.iter().map(|solve| u64::from(solve.halvings)).sum(),
-            reactions: named_surfaces(problem)
+            reactions: named_surfaces(setup)
                 .into_iter()
                 .map(|surface| {
                     let reaction = stats.reactions.get(surface.index).copied().unwrap_or_default();
@@ -122,8 +122,8 @@ impl Row {
     }
 
     /// The header line of the CSV, without line end. What would break a line in a collider's name is written `_`.
-    pub fn csv_header(problem: &Problem) -> String {
-        let surfaces = named_surfaces(problem);
+    pub fn csv_header(setup: &Setup) -> String {
+        let surfaces = named_surfaces(setup);
         let plain = |name: String| name.replace(|c: char| c.is_control() || c == ',' || c == '"', "_");
         let dynamic = surfaces.iter().flat_map(Surface::columns).map(plain);
         Self::COLUMNS.iter().map(|name| name.to_string()).chain(dynamic).collect::<Vec<_>>().join(",")
@@ -155,12 +155,12 @@ impl Default for Tally {
 }
 
 impl Tally {
-    fn add_particle(&mut self, problem: &Problem, particles: &Particles, p: usize) {
+    fn add_particle(&mut self, setup: &Setup, particles: &Particles, p: usize) {
         let (x, v, f) = (particles.x[p], particles.v[p], &particles.f[p]);
-        let body = &problem.bodies[particles.body[p] as usize];
+        let body = &setup.bodies[particles.body[p] as usize];
         let m = body.mass;
-        let b = if problem.transfer == Transfer::Pic { [0.0; 9] } else { particles.b[p] };
-        let c = affine_velocity(problem, x, &b);
+        let b = if setup.transfer == Transfer::Pic { [0.0; 9] } else { particles.b[p] };
+        let c = affine_velocity(setup, x, &b);
         let spin = cross(x, v);
         let speed2 = dot(v, v);
         let terms = [
@@ -174,13 +174,8 @@ impl Tally {
             0.5 * m * speed2,
             0.5 * m * (0..9).map(|k| b[k] * c[k]).sum::<f64>(),
             body.volume0
-                * material::energy_density(
-                    &problem.materials[body.material],
-                    problem.dimension,
-                    f,
-                    particles.plastic[p],
-                ),
-            -m * dot(problem.gravity, x),
+                * material::energy_density(&setup.materials[body.material], setup.dimension, f, particles.plastic[p]),
+            -m * dot(setup.gravity, x),
         ];
         self.sums.iter_mut().zip(terms).for_each(|(sum, term)| sum.add(term));
         self.max_speed2 = self.max_speed2.max(speed2);
@@ -217,13 +212,13 @@ impl Sum {
 }
 
 /// C = B D⁻¹ at a particle (1/s), row-major.
-fn affine_velocity(problem: &Problem, x: [f64; 3], b: &[f64; 9]) -> [f64; 9] {
-    let position = std::array::from_fn(|a| (x[a] - problem.origin[a]) / problem.dx);
-    let mut d = moment_matrix(problem.kernel, position, problem.dx, problem.dimension);
+fn affine_velocity(setup: &Setup, x: [f64; 3], b: &[f64; 9]) -> [f64; 9] {
+    let position = std::array::from_fn(|a| (x[a] - setup.origin[a]) / setup.dx);
+    let mut d = moment_matrix(setup.kernel, position, setup.dx, setup.dimension);
     for a in 0..3 {
         // The empty third axis of 2D, and the linear kernel on a node: there B is zero too.
-        if d[4 * a] < 1e-12 * problem.dx * problem.dx {
-            d[4 * a] = problem.dx * problem.dx;
+        if d[4 * a] < 1e-12 * setup.dx * setup.dx {
+            d[4 * a] = setup.dx * setup.dx;
         }
     }
     let inverse = Matrix3::from_row_slice(&d).try_inverse().expect("D is positive definite");

@@ -1,6 +1,6 @@
 //! Why a run may have blown up: what the state of the particle at fault says, and what helps.
 
-use super::problem::{Material, Problem};
+use super::setup::{Material, Setup};
 use crate::material::Law;
 use crate::maths::linalg::{det, from_row_major};
 use crate::maths::svd::svd;
@@ -22,9 +22,9 @@ pub struct Suspect {
 }
 
 /// The likely cause and its remedy, in a sentence.
-pub fn likely_cause(problem: &Problem, suspect: &Suspect) -> String {
-    let body = &problem.bodies[suspect.body];
-    let material = &problem.materials[body.material];
+pub fn likely_cause(setup: &Setup, suspect: &Suspect) -> String {
+    let body = &setup.bodies[suspect.body];
+    let material = &setup.materials[body.material];
     let f = from_row_major::<f64, 3>(&suspect.f);
     let j = det(&f);
     let wave_m_s = (Law::<f64>::new(material).stiffness_at_rest() * body.volume0 / body.mass).sqrt();
@@ -59,20 +59,15 @@ pub fn likely_cause(problem: &Problem, suspect: &Suspect) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gridfall_scene::{self as scene, Limits};
+    use crate::sim::fixture;
 
     #[test]
     fn each_state_has_its_cause() {
-        let text = r#"{ "gridfall": 1, "name": "t", "domain": { "min": [0,0,0], "max": [1,1,1], "dx": 0.125 },
-            "materials": { "m": { "model": "neo-hookean", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 },
-                           "w": { "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1e5 } },
-            "bodies": [ { "name": "a", "material": "m", "shape": { "box": { "min": [0.4,0.4,0.4], "max": [0.6,0.6,0.6] } } },
-                        { "name": "b", "material": "w", "shape": { "box": { "min": [0.4,0.4,0.7], "max": [0.6,0.6,0.9] } } } ],
-            "time": { "end": 1, "frame_rate": 50 } }"#;
-        let problem = scene::problem(&scene::parse(text).unwrap(), &Limits::default()).unwrap();
+        let blocks = [(0, [0.375; 3], [0.625; 3]), (1, [0.375, 0.375, 0.75], [0.625, 0.625, 0.875])];
+        let setup = fixture::problem(3, 0.125, fixture::solid_and_fluid(), &blocks).setup;
         let stretched = |body, x: f64, speed_m_s| {
             let f = [x, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-            likely_cause(&problem, &Suspect { body, f, speed_m_s })
+            likely_cause(&setup, &Suspect { body, f, speed_m_s })
         };
         assert!(stretched(0, -0.5, 1.0).contains("inside out"));
         assert!(stretched(0, 1.0, 100.0).contains("faster than sound"));

@@ -5,12 +5,14 @@ pub mod contact;
 pub mod cost;
 pub mod diagnostics;
 pub mod divergence;
+#[cfg(test)]
+mod fixture;
 pub mod kernel;
 pub mod moments;
 pub mod particles;
-pub mod problem;
 pub mod reaction;
 pub mod settings;
+pub mod setup;
 pub mod source;
 pub mod stats;
 pub mod timestep;

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::problem::Kernel;
+use super::setup::Kernel;
 
 /// D at a particle (m², row-major; the third row and column are zero in 2D).
 ///

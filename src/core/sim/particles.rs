@@ -16,7 +16,7 @@ pub struct Particles {
     pub f: Vec<[f64; 9]>,
     /// Plastic state: the one scalar that some laws have beside F (see their files in [`crate::material`]); 0 for the others.
     pub plastic: Vec<f64>,
-    /// Index into [`crate::sim::problem::Problem::bodies`].
+    /// Index into [`crate::sim::setup::Setup::bodies`].
     pub body: Vec<u32>,
 }
 

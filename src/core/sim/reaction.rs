@@ -5,7 +5,7 @@
 //! Over a frame the sum divided by the frame's time is the mean force that the material exerts ON the surface. What several
 //! surfaces do to one node is booked one after the other: walls by axis, then colliders in scene order.
 
-use super::problem::{Axis, Problem};
+use super::setup::{Axis, Setup};
 
 /// Walls come first, x- x+ y- y+ z- z+, whether they exist or not; then colliders.
 pub const WALLS: usize = 6;
@@ -40,8 +40,8 @@ impl Reaction {
 }
 
 /// Number of surfaces of a problem, walls of periodic axes included.
-pub fn surfaces(problem: &Problem) -> usize {
-    WALLS + problem.colliders.len()
+pub fn surfaces(setup: &Setup) -> usize {
+    WALLS + setup.colliders.len()
 }
 
 /// Adds the surfaces' impulses one by one.
@@ -81,10 +81,10 @@ pub fn wall_name(index: usize) -> &'static str {
 }
 
 /// The surfaces that exist, in order.
-pub fn named_surfaces(problem: &Problem) -> Vec<Surface> {
-    let exists = |wall: &usize| wall / 2 < problem.dimension && problem.axes[wall / 2] != Axis::Periodic;
+pub fn named_surfaces(setup: &Setup) -> Vec<Surface> {
+    let exists = |wall: &usize| wall / 2 < setup.dimension && setup.axes[wall / 2] != Axis::Periodic;
     let walls = (0..WALLS).filter(exists).map(|index| Surface { name: wall_name(index).into(), index });
-    let colliders = problem.colliders.iter().zip(WALLS..);
+    let colliders = setup.colliders.iter().zip(WALLS..);
     walls.chain(colliders.map(|(c, index)| Surface { name: c.name.clone(), index })).collect()
 }
 

@@ -19,7 +19,7 @@ const MAX_MARCH: usize = 256;
 /// A source, ready to emit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Source {
-    /// Index of its body in [`crate::sim::problem::Problem::bodies`].
+    /// Index of its body in [`crate::sim::setup::Setup::bodies`].
     pub body: usize,
     /// Bounded.
     pub sdf: Sdf,

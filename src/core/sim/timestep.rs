@@ -23,7 +23,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 
 use serde::Serialize;
 
-use super::problem::{Body, Kernel, Material, Problem, Transfer};
+use super::setup::{Body, Kernel, Material, Setup, Transfer};
 use crate::material;
 
 pub use plan::{
@@ -77,11 +77,11 @@ impl Bound {
     }
 
     /// What set the step, and what would lengthen it.
-    pub fn explain(self, problem: &Problem) -> String {
-        let name = |body: usize| problem.bodies.get(body).map_or("?", |b| b.name.as_str());
+    pub fn explain(self, setup: &Setup) -> String {
+        let name = |body: usize| setup.bodies.get(body).map_or("?", |b| b.name.as_str());
         // The compact kernel's bounds are tighter than the quadratic's, and MLS has the loosest single-particle bound.
-        let kernel = if problem.kernel == Kernel::Compact { ", the quadratic kernel" } else { "" };
-        let transfer = if problem.transfer == Transfer::Mls { "" } else { ", the mls transfer" };
+        let kernel = if setup.kernel == Kernel::Compact { ", the quadratic kernel" } else { "" };
+        let transfer = if setup.transfer == Transfer::Mls { "" } else { ", the mls transfer" };
         match self {
             Self::Bulk { body } => format!(
                 "elastic waves in body '{}' (longer with a lower modulus, a higher density{kernel} or a larger dx)",
@@ -153,13 +153,13 @@ fn factors(kernel: Kernel, transfer: Transfer, dimension: usize) -> Factors {
 
 /// Bulk and single-particle bounds (s) of a material with Lamé parameters `lambda`, `mu` (Pa) and density `rho` (mass over
 /// initial volume), before the safety factor.
-pub fn elastic_bounds_s(problem: &Problem, lambda: f64, mu: f64, rho: f64) -> (f64, f64) {
-    let f = factors(problem.kernel, problem.transfer, problem.dimension);
+pub fn elastic_bounds_s(setup: &Setup, lambda: f64, mu: f64, rho: f64) -> (f64, f64) {
+    let f = factors(setup.kernel, setup.transfer, setup.dimension);
     // The elastic tensor grows with λ, so that zero is safe for a negative one.
     let lambda = lambda.max(0.0);
-    let over = |modulus: f64| problem.dx * (rho / modulus).sqrt();
+    let over = |modulus: f64| setup.dx * (rho / modulus).sqrt();
     let bulk = (f.p_wave * over(lambda + 2.0 * mu)).min(f.plane * over(2.0 * lambda + 2.0 * mu));
-    (bulk, over(f.single * (mu + 0.5 * problem.dimension as f64 * lambda)))
+    (bulk, over(f.single * (mu + 0.5 * setup.dimension as f64 * lambda)))
 }
 
 /// Lamé parameters (Pa) at rest and viscosity (Pa·s). A fluid's λ is its bulk modulus.
@@ -174,11 +174,11 @@ pub fn moduli(material: &Material) -> (f64, f64, f64) {
 }
 
 /// Bounds of a body's material (s), safety factor included: bulk and single particle, viscosity in each.
-fn body_bounds(problem: &Problem, index: usize, body: &Body) -> [(f64, Bound); 2] {
-    let (lambda, mu, viscosity) = moduli(&problem.materials[body.material]);
+fn body_bounds(setup: &Setup, index: usize, body: &Body) -> [(f64, Bound); 2] {
+    let (lambda, mu, viscosity) = moduli(&setup.materials[body.material]);
     let rho = body.mass / body.volume0;
-    let elastic = elastic_bounds_s(problem, lambda, mu, rho);
-    let viscous = elastic_bounds_s(problem, 0.0, viscosity, rho);
+    let elastic = elastic_bounds_s(setup, lambda, mu, rho);
+    let viscous = elastic_bounds_s(setup, 0.0, viscosity, rho);
     let both = |elastic: f64, unit: f64| {
         let (a, b) = (1.0 / (elastic * elastic), 2.0 / (unit * unit));
         // The positive root of a dt² + b dt = 1, in the form that has no cancellation; viscosity rules if b dt > ½.
@@ -192,30 +192,30 @@ fn body_bounds(problem: &Problem, index: usize, body: &Body) -> [(f64, Bound); 2
     })
 }
 
-fn body_bound(problem: &Problem, index: usize, body: &Body) -> (f64, Bound) {
-    let [bulk, single] = body_bounds(problem, index, body);
+fn body_bound(setup: &Setup, index: usize, body: &Body) -> (f64, Bound) {
+    let [bulk, single] = body_bounds(setup, index, body);
     if bulk.0 <= single.0 { bulk } else { single }
 }
 
 /// The longest stable step (s) for materials alone, and its rule.
-pub fn material_bound(problem: &Problem) -> (f64, Bound) {
-    let bounds = problem.bodies.iter().enumerate().map(|(index, body)| body_bound(problem, index, body));
+pub fn material_bound(setup: &Setup) -> (f64, Bound) {
+    let bounds = setup.bodies.iter().enumerate().map(|(index, body)| body_bound(setup, index, body));
     bounds.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, Bound::Frame))
 }
 
 /// Demand 1/dt² of every body's material at rest, safety included (1/s²).
-pub fn demands_at_rest_1_s2(problem: &Problem) -> Vec<f64> {
-    let demand = |(index, body): (usize, &Body)| body_bound(problem, index, body).0.powi(-2);
-    problem.bodies.iter().enumerate().map(demand).collect()
+pub fn demands_at_rest_1_s2(setup: &Setup) -> Vec<f64> {
+    let demand = |(index, body): (usize, &Body)| body_bound(setup, index, body).0.powi(-2);
+    setup.bodies.iter().enumerate().map(demand).collect()
 }
 
 /// Fastest wave in the materials at rest, sqrt((λ + 2μ) / ρ) (m/s).
-pub fn max_wave_speed_m_s(problem: &Problem) -> f64 {
+pub fn max_wave_speed_m_s(setup: &Setup) -> f64 {
     let speed = |body: &Body| {
-        let (lambda, mu, _) = moduli(&problem.materials[body.material]);
+        let (lambda, mu, _) = moduli(&setup.materials[body.material]);
         ((lambda + 2.0 * mu) * body.volume0 / body.mass).sqrt()
     };
-    problem.bodies.iter().map(speed).fold(0.0, f64::max)
+    setup.bodies.iter().map(speed).fold(0.0, f64::max)
 }
 
 #[cfg(test)]

@@ -5,9 +5,9 @@ use std::sync::{Arc, Mutex};
 
 use serde::Serialize;
 
-use super::shaders::{self, Stage};
 use crate::contract::{Backend, EngineError};
-use gridfall_core::sim::problem::{Kernel, Material, Problem, Transfer};
+use crate::explicit::gpu::shaders::{self, Stage};
+use gridfall_core::sim::setup::{Kernel, Material, Setup, Transfer};
 
 /// Storage buffers of the one bind group that all stages share.
 pub const STORAGE_BUFFERS: u32 = 26;
@@ -90,14 +90,14 @@ pub struct Variant {
 }
 
 impl Variant {
-    pub fn of(problem: &Problem) -> Self {
+    pub fn of(setup: &Setup) -> Self {
         let closed_form = |m: &Material| {
             matches!(m, Material::FixedCorotated(_) | Material::NeoHookean(_) | Material::WeaklyCompressibleFluid(_))
         };
         Self {
-            kernel: problem.kernel,
-            mls: problem.transfer == Transfer::Mls,
-            principal: !problem.materials.iter().all(closed_form),
+            kernel: setup.kernel,
+            mls: setup.transfer == Transfer::Mls,
+            principal: !setup.materials.iter().all(closed_form),
         }
     }
 }
@@ -119,7 +119,7 @@ pub struct Gpu {
     pub workgroup: u32,
     pipelines: Mutex<HashMap<Variant, Arc<Pipelines>>>,
     /// The same of the implicit engine.
-    pub(super) implicit: Mutex<HashMap<Variant, Arc<super::implicit::Pipelines>>>,
+    pub(crate) implicit: Mutex<HashMap<Variant, Arc<crate::implicit::gpu::Pipelines>>>,
     /// First error since the last check; one run's failure is not the next one's.
     fault: Arc<Mutex<Option<String>>>,
     /// Set for good when the device is gone.
@@ -259,7 +259,7 @@ impl Gpu {
     }
 
     /// A pipeline of the entry point `main` of a source. Without `groups` it has the one bind group that the source asks for.
-    pub(super) fn compile(
+    pub(crate) fn compile(
         &self,
         name: &str,
         source: &str,

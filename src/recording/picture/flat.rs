@@ -5,16 +5,16 @@ use rayon::prelude::*;
 use super::splat::{Ball, splat};
 use super::view::View;
 use super::{Canvas, lines};
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Setup;
 
 const PAPER: [f32; 3] = [0.93, 0.94, 0.955];
 const OBSTACLE: [f32; 3] = [0.36, 0.39, 0.43];
 
-pub fn draw(problem: &Problem, view: &View, balls: &[Ball], time_s: f64) -> Canvas {
+pub fn draw(setup: &Setup, view: &View, balls: &[Ball], time_s: f64) -> Canvas {
     let seen = splat(view, balls);
     let width = view.size[0];
     // What a grip holds is to be seen.
-    let solid = problem.colliders.iter().filter(|collider| collider.is_present(time_s) && !collider.grip);
+    let solid = setup.colliders.iter().filter(|collider| collider.is_present(time_s) && !collider.grip);
     let solid: Vec<_> = solid.map(|collider| collider.at(time_s)).collect();
     let pixel = |at: usize| {
         if seen.ball[at] != u32::MAX {

@@ -14,9 +14,12 @@ use rayon::prelude::*;
 use super::palette::{Palette, Rgb, to_srgb};
 use super::points::select;
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Setup;
 use splat::Ball;
 use view::View;
+pub(crate) use view::{Bounds, focus};
+
+use crate::appearance::Appearance;
 
 type V3 = Vector3<f32>;
 
@@ -36,8 +39,8 @@ const STILL: Quality = Quality { size: [960, 540], samples: 2, particles: 1_000_
 const FILM: Quality = Quality { size: [480, 270], samples: 1, particles: 200_000, shadows: 384 };
 
 /// A picture of a frame as PNG, 960 × 540.
-pub fn thumbnail(problem: &Problem, particles: &Particles, time_s: f64) -> Vec<u8> {
-    Camera::new(problem, &STILL).render(problem, particles, time_s).png()
+pub fn thumbnail(setup: &Setup, appearance: &Appearance, particles: &Particles, time_s: f64) -> Vec<u8> {
+    Camera::new(setup, appearance, &STILL).render(setup, particles, time_s).png()
 }
 
 /// A camera that stands still for a whole run.
@@ -51,31 +54,36 @@ pub struct Camera {
 
 impl Camera {
     /// A camera for small pictures of all frames.
-    pub fn film(problem: &Problem) -> Self {
-        Self::new(problem, &FILM)
+    pub fn film(setup: &Setup, appearance: &Appearance) -> Self {
+        Self::new(setup, appearance, &FILM)
     }
 
-    fn new(problem: &Problem, quality: &Quality) -> Self {
-        let count = problem.total_particles();
-        let selected = select(count, quality.particles, problem.seed);
-        let growth = (count as f64 / selected.len().max(1) as f64).powf(1.0 / problem.dimension as f64);
-        Self { view: View::of(problem, quality), palette: Palette::new(problem), selected, growth }
+    fn new(setup: &Setup, appearance: &Appearance, quality: &Quality) -> Self {
+        let count = setup.total_particles();
+        let selected = select(count, quality.particles, setup.seed);
+        let growth = (count as f64 / selected.len().max(1) as f64).powf(1.0 / setup.dimension as f64);
+        Self {
+            view: View::of(setup, appearance.focus, quality),
+            palette: Palette::new(setup, appearance),
+            selected,
+            growth,
+        }
     }
 
     /// Draws a frame.
-    pub fn render(&self, problem: &Problem, particles: &Particles, time_s: f64) -> Image {
-        let balls = self.balls(problem, particles);
-        let canvas = if problem.dimension == 2 {
-            flat::draw(problem, &self.view, &balls, time_s)
+    pub fn render(&self, setup: &Setup, particles: &Particles, time_s: f64) -> Image {
+        let balls = self.balls(setup, particles);
+        let canvas = if setup.dimension == 2 {
+            flat::draw(setup, &self.view, &balls, time_s)
         } else {
-            surface::draw(problem, &self.view, &balls, time_s)
+            surface::draw(setup, &self.view, &balls, time_s)
         };
         canvas.reduced(self.view.samples)
     }
 
-    fn balls(&self, problem: &Problem, particles: &Particles) -> Vec<Ball> {
+    fn balls(&self, setup: &Setup, particles: &Particles) -> Vec<Ball> {
         let radii: Vec<f32> =
-            problem.bodies.iter().map(|body| (self.growth * radius(problem, body.volume0)) as f32).collect();
+            setup.bodies.iter().map(|body| (self.growth * radius(setup, body.volume0)) as f32).collect();
         let ball = |&p: &u32| {
             let p = p as usize;
             let (v, body) = (particles.v[p], particles.body[p]);
@@ -89,8 +97,8 @@ impl Camera {
 }
 
 /// Half the spacing of a body's particles, and enough more that neighbours leave no gaps.
-fn radius(problem: &Problem, volume0: f64) -> f64 {
-    if problem.dimension == 2 { 0.75 * volume0.sqrt() } else { 0.66 * volume0.cbrt() }
+fn radius(setup: &Setup, volume0: f64) -> f64 {
+    if setup.dimension == 2 { 0.75 * volume0.sqrt() } else { 0.66 * volume0.cbrt() }
 }
 
 /// A picture in linear light.

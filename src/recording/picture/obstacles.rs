@@ -3,7 +3,7 @@
 use super::V3;
 use crate::colliders::{domain_box, translucent};
 use gridfall_core::sim::collider::{Pose, Sdf, rotate};
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Setup;
 
 /// A collider at the time of the picture.
 pub struct Obstacle<'a> {
@@ -23,9 +23,9 @@ pub struct Hit {
 }
 
 /// All colliders that are there at a time; those that stand still are cut off at the domain's walls.
-pub fn obstacles(problem: &Problem, time_s: f64) -> Vec<Obstacle<'_>> {
+pub fn obstacles(setup: &Setup, time_s: f64) -> Vec<Obstacle<'_>> {
     let to_v3 = |x: [f64; 3]| V3::from(x.map(|c| c as f32));
-    let domain = domain_box(problem).map(to_v3);
+    let domain = domain_box(setup).map(to_v3);
     let obstacle = |collider: &'_ gridfall_core::sim::collider::Collider| {
         let bounds = collider.sdf.bounds().map(to_v3);
         let bounded = bounds.iter().all(|corner| corner.iter().all(|c| c.abs() < 1e10));
@@ -36,7 +36,7 @@ pub fn obstacles(problem: &Problem, time_s: f64) -> Vec<Obstacle<'_>> {
         };
         (clip, collider.motion.pose(time_s), translucent(collider))
     };
-    problem
+    setup
         .colliders
         .iter()
         .filter(|collider| collider.is_present(time_s))

@@ -9,7 +9,7 @@ use super::view::{View, floor};
 use super::{Canvas, V3, lines};
 use crate::colliders::domain_box;
 use crate::palette::Rgb;
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Setup;
 
 /// The paper behind the scene, at the top and at the bottom of the picture.
 const BACKDROP: [Rgb; 2] = [[0.72, 0.77, 0.84], [0.93, 0.94, 0.95]];
@@ -51,11 +51,11 @@ struct Scene<'a> {
     reach: f32,
 }
 
-pub fn draw(problem: &Problem, view: &View, balls: &[Ball], time_s: f64) -> Canvas {
-    let obstacles = obstacles(problem, time_s);
+pub fn draw(setup: &Setup, view: &View, balls: &[Ball], time_s: f64) -> Canvas {
+    let obstacles = obstacles(setup, time_s);
     let mut particles = splat(view, balls);
     particles.smooth(view, balls);
-    let scene = Scene::new(problem, view, balls, &obstacles, &particles);
+    let scene = Scene::new(setup, view, balls, &obstacles, &particles);
     let mut pixels = vec![[0.0; 3]; view.size[0] * view.size[1]];
     let rows = view.size[0] * view.samples;
     pixels
@@ -63,14 +63,14 @@ pub fn draw(problem: &Problem, view: &View, balls: &[Ball], time_s: f64) -> Canv
         .enumerate()
         .for_each(|(band, pixels)| scene.shade_band(band * rows, pixels, &obstacles));
     let mut canvas = Canvas { size: view.size, pixels };
-    let domain = domain_box(problem).map(|corner| V3::from(corner.map(|c| c as f32)));
+    let domain = domain_box(setup).map(|corner| V3::from(corner.map(|c| c as f32)));
     lines::draw_box(&mut canvas, view, &domain, &scene.depth);
     canvas
 }
 
 impl<'a> Scene<'a> {
-    fn new(problem: &Problem, view: &'a View, balls: &[Ball], obstacles: &[Obstacle], particles: &Depths) -> Self {
-        let floor = floor(problem);
+    fn new(setup: &Setup, view: &'a View, balls: &[Ball], obstacles: &[Obstacle], particles: &Depths) -> Self {
+        let floor = floor(setup);
         let pixel = |at: usize| {
             let [start, direction] = ray(view, at);
             let (mut seen, mut depth, mut normal) = (Seen::Nothing, f32::INFINITY, -view.forward);

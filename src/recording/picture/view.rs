@@ -2,7 +2,8 @@
 
 use super::{Quality, V3};
 use crate::colliders::domain_box;
-use gridfall_core::sim::problem::{Axis, Material, Problem};
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::setup::{Axis, Material, Setup};
 
 /// A box by its corners.
 pub type Bounds = [V3; 2];
@@ -38,11 +39,10 @@ const FILL: f32 = 0.92;
 
 impl View {
     /// The view of a problem: from obliquely above, or straight at the plane of a 2D scene.
-    pub fn of(problem: &Problem, quality: &Quality) -> Self {
-        let focus = focus(problem);
+    pub fn of(setup: &Setup, focus: Bounds, quality: &Quality) -> Self {
         let size = quality.size.map(|s| s * quality.samples);
         let with_quality = |view| Self { samples: quality.samples, shadows: quality.shadows, ..view };
-        if problem.dimension == 2 {
+        if setup.dimension == 2 {
             return with_quality(Self::parallel(V3::x(), V3::y(), focus, size));
         }
         let extent = focus[1] - focus[0];
@@ -125,50 +125,50 @@ pub fn corners(bounds: &Bounds) -> [V3; 8] {
 }
 
 /// The height of the floor on which things fall; none without gravity along −z and a wall there.
-pub fn floor(problem: &Problem) -> Option<f32> {
-    let walled = problem.dimension == 3 && matches!(problem.axes[2], Axis::Walls(_));
-    (walled && problem.gravity[2] < 0.0).then_some(problem.origin[2] as f32)
+pub fn floor(setup: &Setup) -> Option<f32> {
+    let walled = setup.dimension == 3 && matches!(setup.axes[2], Axis::Walls(_));
+    (walled && setup.gravity[2] < 0.0).then_some(setup.origin[2] as f32)
 }
 
 /// What will be seen: where the bodies are and where they would fly freely, inside the domain; with all the floor that a
 /// fluid may flood, and the colliders.
-fn focus(problem: &Problem) -> Bounds {
-    let domain = domain_box(problem).map(to_f32);
-    if problem.dimension == 2 {
+pub fn focus(setup: &Setup, particles: &Particles) -> Bounds {
+    let domain = domain_box(setup).map(to_f32);
+    if setup.dimension == 2 {
         return domain;
     }
     let inside = |x: V3| x.sup(&domain[0]).inf(&domain[1]);
     let (mut lower, mut upper) = (domain[1], domain[0]);
     let mut add = |x: V3| (lower, upper) = (lower.inf(&inside(x)), upper.sup(&inside(x)));
-    let end_s = problem.frame_s * f64::from(problem.frames);
-    let (x, v) = (&problem.particles.x, &problem.particles.v);
-    for body in problem.bodies.iter().filter(|body| !body.particles.is_empty()) {
+    let end_s = setup.frame_s * f64::from(setup.frames);
+    let (x, v) = (&particles.x, &particles.v);
+    for body in setup.bodies.iter().filter(|body| !body.particles.is_empty()) {
         let count = body.particles.len() as f64;
         let mean: [f64; 3] =
             std::array::from_fn(|a| v[body.particles.clone()].iter().map(|v| v[a]).sum::<f64>() / count);
         for step in 0..=8 {
             let t = end_s * f64::from(step) / 8.0;
-            let flight: [f64; 3] = std::array::from_fn(|a| t * (mean[a] + 0.5 * t * problem.gravity[a]));
+            let flight: [f64; 3] = std::array::from_fn(|a| t * (mean[a] + 0.5 * t * setup.gravity[a]));
             x[body.particles.clone()].iter().for_each(|x| add(to_f32(*x) + to_f32(flight)));
         }
     }
-    for source in &problem.sources {
+    for source in &setup.sources {
         let ends = corners(&source.sdf.bounds().map(to_f32));
         for t in (0..=8).map(|step| end_s * f64::from(step) / 8.0) {
-            let flight: [f64; 3] = std::array::from_fn(|a| t * (source.velocity[a] + 0.5 * t * problem.gravity[a]));
+            let flight: [f64; 3] = std::array::from_fn(|a| t * (source.velocity[a] + 0.5 * t * setup.gravity[a]));
             ends.iter().for_each(|corner| add(*corner + to_f32(flight)));
         }
     }
-    for collider in &problem.colliders {
+    for collider in &setup.colliders {
         let bounds = collider.sdf.bounds().map(to_f32);
         if bounds.iter().all(|corner| corner.iter().all(|c| c.abs() < 1e10)) {
             corners(&bounds).into_iter().for_each(&mut add);
         }
     }
-    let fluid = problem.materials.iter().any(|material| matches!(material, Material::WeaklyCompressibleFluid(_)));
+    let fluid = setup.materials.iter().any(|material| matches!(material, Material::WeaklyCompressibleFluid(_)));
     let margin = V3::repeat(0.06 * (upper - lower).max());
     let mut focus = [inside(lower - margin), inside(upper + margin)];
-    if let Some(floor) = floor(problem) {
+    if let Some(floor) = floor(setup) {
         focus[0].z = floor;
         if fluid {
             for a in 0..2 {

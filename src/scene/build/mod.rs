@@ -14,14 +14,14 @@ use gridfall_core::sim::collider::{Sdf, rotate};
 use gridfall_core::sim::cost;
 use gridfall_core::sim::moments::moment_matrix;
 use gridfall_core::sim::particles::{IDENTITY, Particles};
-use gridfall_core::sim::problem::{Axis, Body, Contact, Problem};
+use gridfall_core::sim::setup::{Axis, Body, Contact, Problem, Setup};
 use motion::colliders;
 
 /// Builds the problem. The scene must be valid, and `resolved` what it resolves to.
 pub(crate) fn build(scene: &Scene, resolved: &Resolved) -> Problem {
     let dimension = scene.dimension as usize;
     let materials: Vec<&String> = scene.materials.keys().collect();
-    let mut problem = Problem {
+    let setup = Setup {
         name: scene.name.clone(),
         dimension,
         origin: vector3(&scene.domain.min),
@@ -33,7 +33,6 @@ pub(crate) fn build(scene: &Scene, resolved: &Resolved) -> Problem {
         bodies: Vec::new(),
         sources: Vec::new(),
         colliders: colliders(scene, &resolved.fields),
-        particles: Particles::default(),
         kernel: scene.solver.kernel,
         transfer: scene.solver.transfer,
         precision: scene.solver.precision,
@@ -48,21 +47,23 @@ pub(crate) fn build(scene: &Scene, resolved: &Resolved) -> Problem {
         preview_points: scene.output.preview_points as usize,
         seed: scene.seed,
     };
+    let mut problem = Problem { setup, particles: Particles::default() };
     let material = |name: &str| materials.iter().position(|known| *known == name).expect("a valid scene");
     for (index, body) in scene.bodies.iter().enumerate() {
         add_body(&mut problem, scene, resolved, index, material(&body.material));
     }
     for (n, source) in scene.sources.iter().enumerate() {
         let sdf = shape::sdf(&source.shape, &format!("/sources/{n}/shape"), &resolved.fields, dimension);
-        let mut built = stream(scene, source, sdf, problem.bodies.len());
+        let mut built = stream(scene, source, sdf, problem.setup.bodies.len());
         built.by_frame = (0..frames(scene)).map(|frame| built.entering(frame).count() as u64).collect();
         let material = material(&source.material);
         let (volume0, none) = (built.spacing.powi(dimension as i32), problem.particles.len());
-        let mass = problem.materials[material].density() * volume0;
-        problem.bodies.push(Body { name: source.name.clone(), material, particles: none..none, volume0, mass });
-        problem.sources.push(built);
+        let mass = problem.setup.materials[material].density() * volume0;
+        problem.setup.bodies.push(Body { name: source.name.clone(), material, particles: none..none, volume0, mass });
+        problem.setup.sources.push(built);
     }
-    (problem.integrator, problem.integrator_reason) = cost::choose(&problem, scene.solver.integrator);
+    (problem.setup.integrator, problem.setup.integrator_reason) =
+        cost::choose(&problem.setup, &problem.particles, scene.solver.integrator);
     problem
 }
 
@@ -83,13 +84,13 @@ fn axis(domain: &schema::Domain, a: usize, dimension: usize) -> Axis {
 
 /// Samples the shape `sdf` of body number `index`: positions, and the volume of one particle (m^d).
 fn fill(problem: &Problem, scene: &Scene, index: usize, sdf: &Sdf) -> (Vec<[f64; 3]>, f64) {
-    let (d, body) = (problem.dimension, &scene.bodies[index]);
+    let (d, body) = (problem.setup.dimension, &scene.bodies[index]);
     let per_cell = particles_per_cell(body.particles_per_cell, d);
     let per_axis = particles_per_axis(body, d).expect("a valid scene");
-    let points = |per_axis: f64| lattice(&scene.domain, per_axis, sdf, d).clipped(problem.cells, per_axis);
+    let points = |per_axis: f64| lattice(&scene.domain, per_axis, sdf, d).clipped(problem.setup.cells, per_axis);
     let x = points(per_axis).sample(sdf, body.sampling, scene.seed, index as u64);
     let volume0 = match body.sampling {
-        Sampling::Regular | Sampling::Jittered => problem.dx.powi(d as i32) / f64::from(per_cell),
+        Sampling::Regular | Sampling::Jittered => problem.setup.dx.powi(d as i32) / f64::from(per_cell),
         Sampling::PoissonDisk => points(per_axis.ceil()).volume(sdf) / x.len().max(1) as f64,
     };
     (x, volume0)
@@ -100,7 +101,7 @@ fn fill(problem: &Problem, scene: &Scene, index: usize, sdf: &Sdf) -> (Vec<[f64;
 /// file replace the scene's.
 fn add_body(problem: &mut Problem, scene: &Scene, resolved: &Resolved, index: usize, material: usize) {
     let body = &scene.bodies[index];
-    let (d, dx, origin) = (problem.dimension, problem.dx, problem.origin);
+    let (d, dx, origin) = (problem.setup.dimension, problem.setup.dx, problem.setup.origin);
     let read = resolved.points.get(&format!("/bodies/{index}/points"));
     let (x, volume0) = match (&body.shape, read) {
         (Some(shape), _) => {
@@ -127,7 +128,7 @@ fn add_body(problem: &mut Problem, scene: &Scene, resolved: &Resolved, index: us
             [velocity[0] + turn[0], velocity[1] + turn[1], velocity[2] + turn[2]]
         })
         .collect();
-    let (kernel, transfer) = (problem.kernel, problem.transfer);
+    let (kernel, transfer) = (problem.setup.kernel, problem.setup.transfer);
     let b: Vec<[f64; 9]> = x
         .par_iter()
         .map(|x| {
@@ -140,7 +141,7 @@ fn add_body(problem: &mut Problem, scene: &Scene, resolved: &Resolved, index: us
         .collect();
 
     let given = body.deformation_gradient.as_deref().map_or(IDENTITY, matrix3);
-    let material_law = &problem.materials[material];
+    let material_law = &problem.setup.materials[material];
     let particles = &mut problem.particles;
     let start = particles.len();
     match read.and_then(|read| read.f.as_ref()) {
@@ -152,7 +153,7 @@ fn add_body(problem: &mut Problem, scene: &Scene, resolved: &Resolved, index: us
     particles.x.extend(x);
     particles.v.extend(v);
     particles.b.extend(b);
-    problem.bodies.push(Body {
+    problem.setup.bodies.push(Body {
         name: body.name.clone(),
         material,
         particles: start..particles.len(),

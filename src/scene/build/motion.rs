@@ -4,7 +4,7 @@ use crate::schema::{self, Scene};
 use crate::shape::{self, Fields};
 use crate::vectors::{spin, vector3};
 use gridfall_core::sim::collider::{Collider, Keyframe, Motion, Sdf};
-use gridfall_core::sim::problem::{Contact, ContactKind};
+use gridfall_core::sim::setup::{Contact, ContactKind};
 
 /// The scene's colliders, then the grips of its bodies, which have the last word.
 pub(crate) fn colliders(scene: &Scene, fields: &Fields) -> Vec<Collider> {

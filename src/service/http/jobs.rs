@@ -43,11 +43,11 @@ pub async fn submit(
     let new = judge(&api, request, move |admitted| NewJob {
         name: name.unwrap_or(admitted.scene.name),
         scene: admitted.document,
-        particles: admitted.problem.total_particles() as u64,
-        frames: u64::from(admitted.problem.frames) + 1,
-        end_time_s: f64::from(admitted.problem.frames) * admitted.problem.frame_s,
-        integrator: admitted.problem.integrator.name().into(),
-        integrator_reason: admitted.problem.integrator_reason,
+        particles: admitted.problem.setup.total_particles() as u64,
+        frames: u64::from(admitted.problem.setup.frames) + 1,
+        end_time_s: f64::from(admitted.problem.setup.frames) * admitted.problem.setup.frame_s,
+        integrator: admitted.problem.setup.integrator.name().into(),
+        integrator_reason: admitted.problem.setup.integrator_reason,
         idempotency_key,
         request_sha256,
     })

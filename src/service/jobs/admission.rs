@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::setup::Problem;
 use gridfall_scene::assets::Assets;
 use gridfall_scene::{self as scene, Fault, Limits, Scene};
 

@@ -12,7 +12,9 @@ use tokio::time::timeout;
 use super::worker::Context;
 use super::{EngineSource, Shared};
 use crate::store::{Claim, Failure, JobFiles, JobStore, Outcome, Progress};
+use gridfall_core::sim::setup::Problem;
 use gridfall_engine::{Control, EngineError};
+use gridfall_recording::Appearance;
 use gridfall_recording::run::{self, FrameReport, Observer, Outputs, RunError};
 use gridfall_scene::{self as scene, Fault};
 
@@ -102,20 +104,21 @@ fn execute(
 ) -> Result<(), Stop> {
     files.reset().map_err(|error| Stop::Failed(Failure::new("output", format!("no room for outputs: {error}"))))?;
     let scene = scene::parse(&claim.scene)?;
-    let problem = scene::problem_with(&scene, &context.limits, &context.data.assets())?;
-    let mut engine = source.engine(&problem)?;
+    let Problem { setup, particles } = scene::problem_with(&scene, &context.limits, &context.data.assets())?;
+    let appearance = Appearance::new(&setup, &particles);
+    let mut engine = source.engine(&setup, particles)?;
     let noted = context.store.set_backend(claim.id, claim.attempt, engine.backend());
     if let Err(error) = context.runtime.block_on(noted) {
         tracing::warn!(job = %claim.id, %error, "cannot note the device");
     }
-    watch.loaded(problem.total_particles() as u64);
+    watch.loaded(setup.total_particles() as u64);
     let outputs = Outputs {
         recording: files.recording(),
         thumbnail: Some(files.thumbnail()),
         diagnostics: Some(files.diagnostics()),
         solver: Some(files.solver()),
     };
-    run::run(&scene.to_json(), &problem, engine.as_mut(), &outputs, watch)?;
+    run::run(&scene.to_json(), &setup, &appearance, engine.as_mut(), &outputs, watch)?;
     Ok(())
 }
 

@@ -16,22 +16,23 @@ pub use attempt::panic_message;
 pub use worker::Worker;
 
 use crate::store::Status;
-use gridfall_core::sim::problem::Problem;
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::setup::Setup;
 use gridfall_engine::choice::Devices;
 use gridfall_engine::{Engine, EngineError};
 
 /// Where a worker gets its engines from. Made and used on the worker's own thread.
 pub trait EngineSource {
     /// Loads a problem on the device that suits it.
-    fn engine(&self, problem: &Problem) -> Result<Box<dyn Engine>, EngineError>;
+    fn engine(&self, setup: &Setup, particles: Particles) -> Result<Box<dyn Engine>, EngineError>;
 
     /// What is open, and why, for people.
     fn describe(&self) -> String;
 }
 
 impl EngineSource for Devices {
-    fn engine(&self, problem: &Problem) -> Result<Box<dyn Engine>, EngineError> {
-        Devices::engine(self, problem)
+    fn engine(&self, setup: &Setup, particles: Particles) -> Result<Box<dyn Engine>, EngineError> {
+        Devices::engine(self, setup, particles)
     }
 
     fn describe(&self) -> String {

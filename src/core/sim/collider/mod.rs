@@ -8,7 +8,7 @@ pub use field::Field;
 pub use motion::{Instant, Keyframe, Motion, Pose, TIME_TIE_S};
 pub use sdf::{FLAT_HALF_EXTENT, Primitive, SDF_STACK, Sdf, SdfOp, axis_angle, rotate, rotate_back};
 
-use super::problem::Contact;
+use super::setup::Contact;
 
 /// Half the step of the central differences of [`Placed::normal`], in units of dx; engines use the same.
 pub const NORMAL_STEP_DX: f64 = 1.0 / 32.0;
@@ -85,7 +85,7 @@ impl Placed<'_> {
 mod tests {
     use super::*;
     use crate::sim::particles::IDENTITY;
-    use crate::sim::problem::ContactKind;
+    use crate::sim::setup::ContactKind;
 
     fn paddle() -> Collider {
         Collider {

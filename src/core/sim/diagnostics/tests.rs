@@ -1,55 +1,30 @@
 //! Diagnostics of states that are known.
 
 use super::*;
+use crate::material::parameters::{Elastic, Material};
+use crate::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, SdfOp};
+use crate::sim::fixture;
 use crate::sim::particles::IDENTITY;
-use crate::sim::problem::{Axis, Body};
-use gridfall_scene::schema::{Elastic, Implicit, Integrator, Kernel, Material, Precision};
+use crate::sim::setup::{Axis, Body, Contact, ContactKind, Kernel, Precision, Problem};
 
 /// A cube of 20³ particles of 1 m³ and 2 kg in all, at rest.
 fn cube(kernel: Kernel, transfer: Transfer) -> Problem {
-    let mut particles = Particles::default();
-    for k in 0..8000 {
-        particles.x.push([k % 20, k / 20 % 20, k / 400].map(|i| 3.0 + (i as f64 + 0.5) / 20.0));
-        particles.v.push([0.0; 3]);
-        particles.b.push([0.0; 9]);
-        particles.f.push(IDENTITY);
-        particles.plastic.push(0.0);
-        particles.body.push(0);
-    }
     let elastic = Elastic { density: 2.0, youngs_modulus: 100.0, poissons_ratio: 0.25 };
-    let body = Body { name: "cube".into(), material: 0, particles: 0..8000, volume0: 1.0 / 8000.0, mass: 2.0 / 8000.0 };
-    Problem {
-        name: "cube".into(),
-        dimension: 3,
-        origin: [0.0; 3],
-        dx: 0.1,
-        cells: [80; 3],
-        axes: [Axis::Periodic; 3],
-        gravity: [0.0, 0.0, -10.0],
-        materials: vec![Material::FixedCorotated(elastic)],
-        bodies: vec![body],
-        sources: vec![],
-        colliders: vec![],
-        particles,
-        kernel,
-        transfer,
-        precision: Precision::F64,
-        cfl: 0.5,
-        max_dt_s: None,
-        integrator: Integrator::Explicit,
-        integrator_reason: String::new(),
-        implicit: Implicit::default(),
-        frames: 1,
-        frame_s: 0.1,
-        fields: vec![],
-        preview_points: 1,
-        seed: 1,
+    let Problem { mut setup, mut particles } =
+        fixture::problem(3, 0.1, vec![Material::FixedCorotated(elastic)], &[(0, [3.0; 3], [4.0; 3])]);
+    (setup.cells, setup.axes, setup.gravity) = ([80; 3], [Axis::Periodic; 3], [0.0, 0.0, -10.0]);
+    (setup.kernel, setup.transfer, setup.precision) = (kernel, transfer, Precision::F64);
+    for (k, x) in particles.x.iter_mut().enumerate() {
+        *x = [k % 20, k / 20 % 20, k / 400].map(|i| 3.0 + (i as f64 + 0.5) / 20.0);
     }
+    setup.bodies[0] =
+        Body { name: "cube".into(), material: 0, particles: 0..8000, volume0: 1.0 / 8000.0, mass: 2.0 / 8000.0 };
+    Problem { setup, particles }
 }
 
 fn measure(problem: &Problem) -> Row {
     Row::measure(
-        problem,
+        &problem.setup,
         &problem.particles,
         3,
         0.3,
@@ -63,7 +38,7 @@ fn spin(problem: &mut Problem, omega: [f64; 3], center: [f64; 3]) {
     let skew = Matrix3::new(0.0, -z, y, z, 0.0, -x, -y, x, 0.0);
     for p in 0..problem.particles.len() {
         let at = problem.particles.x[p];
-        let d = moment_matrix(problem.kernel, at.map(|c| c / problem.dx), problem.dx, 3);
+        let d = moment_matrix(problem.setup.kernel, at.map(|c| c / problem.setup.dx), problem.setup.dx, 3);
         let b = skew * Matrix3::from_row_slice(&d);
         problem.particles.v[p] = cross(omega, std::array::from_fn(|a| at[a] - center[a]));
         problem.particles.b[p] = std::array::from_fn(|k| b[(k / 3, k % 3)]);
@@ -96,9 +71,9 @@ fn a_rigid_rotation_has_the_momentum_and_energy_of_its_inertia() {
         let mut inertia = Matrix3::zeros();
         for x in &problem.particles.x {
             let r = nalgebra::Vector3::from_fn(|a, _| x[a] - center[a]);
-            let d = moment_matrix(kernel, x.map(|c| c / problem.dx), problem.dx, 3);
+            let d = moment_matrix(kernel, x.map(|c| c / problem.setup.dx), problem.setup.dx, 3);
             let second = r * r.transpose() + Matrix3::from_row_slice(&d);
-            inertia += problem.bodies[0].mass * (Matrix3::identity() * second.trace() - second);
+            inertia += problem.setup.bodies[0].mass * (Matrix3::identity() * second.trace() - second);
         }
         let expected = inertia * nalgebra::Vector3::from(omega);
         let row = measure(&problem);
@@ -132,7 +107,7 @@ fn stored_energy_of_a_stretch() {
 fn sums_do_not_depend_on_threads_and_keep_small_terms() {
     let mut problem = cube(Kernel::Compact, Transfer::Mls);
     // Large momenta that cancel, and small ones; products with this mass are exact.
-    problem.bodies[0].mass = 1.0 / 4096.0;
+    problem.setup.bodies[0].mass = 1.0 / 4096.0;
     problem.particles.v.iter_mut().enumerate().for_each(|(p, v)| v[0] = if p % 2 == 0 { 1e12 } else { -1e12 });
     problem.particles.v[5][1] = 1.0;
     problem.particles.v[17][0] += 3.0;
@@ -146,18 +121,23 @@ fn sums_do_not_depend_on_threads_and_keep_small_terms() {
 
 #[test]
 fn surfaces_have_columns_behind_the_fixed_ones() {
-    use gridfall_scene::{self as scene, Limits};
-    let scene = r#"{ "gridfall": 1, "name": "t", "dimension": 2,
-        "domain": { "min": [0, 0], "max": [1, 1], "dx": 0.125, "boundary": { "x": "periodic" } },
-        "materials": { "m": { "model": "neo-hookean", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 } },
-        "bodies": [ { "name": "b", "material": "m", "shape": { "box": { "min": [0.25, 0.25], "max": [0.5, 0.5] } } } ],
-        "colliders": [ { "name": "a, b", "contact": "slip", "shape": { "sphere": { "center": [0.5, 0.5], "radius": 0.1 } } } ],
-        "time": { "end": 1 } }"#;
-    let problem = scene::problem(&scene::parse(scene).unwrap(), &Limits::default()).unwrap();
+    let Problem { mut setup, particles } =
+        fixture::problem(2, 0.125, fixture::solid_and_fluid(), &[(0, [0.25; 3], [0.5; 3])]);
+    setup.axes[0] = Axis::Periodic;
+    let sphere =
+        SdfOp::Primitive { primitive: Primitive::Sphere(0.1), rotation: IDENTITY, translation: [0.5, 0.5, 0.0] };
+    setup.colliders.push(Collider {
+        name: "a, b".into(),
+        sdf: Sdf { ops: vec![sphere] },
+        motion: Motion::default(),
+        contact: Contact { kind: ContactKind::Slip, friction: 0.0 },
+        present_s: ALWAYS,
+        grip: false,
+    });
     let reactions = (0..7).map(|n| Reaction { force: [f64::from(n); 3], torque: [0.5; 3] }).collect();
     let stats = FrameStats { reactions, ..FrameStats::default() };
-    let row = Row::measure(&problem, &problem.particles, 1, 0.1, &stats).csv();
-    let header = Row::csv_header(&problem);
+    let row = Row::measure(&setup, &particles, 1, 0.1, &stats).csv();
+    let header = Row::csv_header(&setup);
     let columns: Vec<(&str, &str)> = header.split(',').zip(row.split(',')).skip(Row::COLUMNS.len()).collect();
     let expected = [
         ("wall_y-.force_x", "2.0"),
@@ -176,7 +156,7 @@ fn surfaces_have_columns_behind_the_fixed_ones() {
     assert_eq!(columns, expected);
     assert_eq!(header.split(',').count(), row.split(',').count());
     // Frame 0 has no forces.
-    let first = Row::measure(&problem, &problem.particles, 0, 0.0, &FrameStats::default());
+    let first = Row::measure(&setup, &particles, 0, 0.0, &FrameStats::default());
     assert_eq!(first.reactions.len(), 3);
     assert!(first.reactions.iter().all(|(_, reaction)| *reaction == Reaction::default()));
 }

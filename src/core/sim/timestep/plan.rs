@@ -7,8 +7,8 @@ use crate::material::Law;
 use crate::maths::linalg;
 use crate::sim::collider::Collider;
 use crate::sim::moments::moment_matrix;
-use crate::sim::particles::IDENTITY;
-use crate::sim::problem::{Body, Problem};
+use crate::sim::particles::{IDENTITY, Particles};
+use crate::sim::setup::{Body, Setup};
 
 /// Share of the bounds at which an engine re-plans inside a frame.
 pub const REPLAN: f64 = 0.98;
@@ -55,8 +55,8 @@ impl StepPlan {
 ///
 /// Particles must not move more than `cfl` dx in a step: dt ≤ cfl dx / (|v| + √d dx ‖C‖) (Sun, Shinar & Schroeder 2020), with what gravity
 /// adds to |v| within the frame, and no less than the fastest collider.
-pub fn plan_frame(problem: &Problem, extremes: &Extremes, frame_s: f64) -> StepPlan {
-    plan_steps(&limits(problem, extremes, frame_s), frame_s)
+pub fn plan_frame(setup: &Setup, extremes: &Extremes, frame_s: f64) -> StepPlan {
+    plan_steps(&limits(setup, extremes, frame_s), frame_s)
 }
 
 /// Divides `frame_s` into the fewest equal steps that no limit (s) forbids; there must be a limit.
@@ -68,42 +68,41 @@ pub fn plan_steps(limits: &[(f64, Bound)], frame_s: f64) -> StepPlan {
 }
 
 /// All limits of the step (s) in a frame, with their rules.
-pub fn limits(problem: &Problem, extremes: &Extremes, frame_s: f64) -> Vec<(f64, Bound)> {
-    let falling = extremes.speed_m_s + norm(&problem.gravity) * frame_s;
-    let affine = (problem.dimension as f64).sqrt() * problem.dx * extremes.affine_rate_1_s;
-    let speed = (falling + affine).max(max_collider_speed_m_s(problem));
-    let bodies = problem.bodies.iter().enumerate();
-    let mut limits: Vec<_> = bodies.flat_map(|(index, body)| body_bounds(problem, index, body)).collect();
+pub fn limits(setup: &Setup, extremes: &Extremes, frame_s: f64) -> Vec<(f64, Bound)> {
+    let falling = extremes.speed_m_s + norm(&setup.gravity) * frame_s;
+    let affine = (setup.dimension as f64).sqrt() * setup.dx * extremes.affine_rate_1_s;
+    let speed = (falling + affine).max(max_collider_speed_m_s(setup));
+    let bodies = setup.bodies.iter().enumerate();
+    let mut limits: Vec<_> = bodies.flat_map(|(index, body)| body_bounds(setup, index, body)).collect();
     let at_rest = limits.iter().map(|limit| limit.0).fold(f64::INFINITY, f64::min);
     let deformed = extremes.demand_1_s2.sqrt().recip();
     // Engines compute the demand in their own precision.
     if deformed < at_rest * (1.0 - 1e-5) {
         limits.push((deformed, Bound::Deformation));
     }
-    limits.push((problem.cfl * problem.dx / speed, Bound::ParticleSpeed));
-    limits.extend(problem.max_dt_s.map(|dt| (dt, Bound::MaxDt)));
+    limits.push((setup.cfl * setup.dx / speed, Bound::ParticleSpeed));
+    limits.extend(setup.max_dt_s.map(|dt| (dt, Bound::MaxDt)));
     limits.push((frame_s, Bound::Frame));
     limits
 }
 
 /// What the particles ask for at time 0.
-pub fn initial_extremes(problem: &Problem) -> Extremes {
+pub fn initial_extremes(setup: &Setup, particles: &Particles) -> Extremes {
     Extremes {
-        speed_m_s: initial_speed_m_s(problem),
-        affine_rate_1_s: initial_affine_rate_1_s(problem),
-        demand_1_s2: initial_demand_1_s2(problem),
+        speed_m_s: initial_speed_m_s(setup, particles),
+        affine_rate_1_s: initial_affine_rate_1_s(setup, particles),
+        demand_1_s2: initial_demand_1_s2(setup, particles),
     }
 }
 
-fn initial_demand_1_s2(problem: &Problem) -> f64 {
-    let p = &problem.particles;
-    let laws: Vec<Law<f64>> = problem.materials.iter().map(Law::new).collect();
+fn initial_demand_1_s2(setup: &Setup, p: &Particles) -> f64 {
+    let laws: Vec<Law<f64>> = setup.materials.iter().map(Law::new).collect();
     let stiffening = |body: &Body, i: usize| {
         let law = &laws[body.material];
         if p.f[i] == IDENTITY {
             return 1.0;
         }
-        let ratio = match problem.dimension {
+        let ratio = match setup.dimension {
             2 => law.kirchhoff(&linalg::from_row_major::<f64, 2>(&p.f[i]), p.plastic[i]).1,
             _ => law.kirchhoff(&linalg::from_row_major::<f64, 3>(&p.f[i]), p.plastic[i]).1,
         };
@@ -112,29 +111,24 @@ fn initial_demand_1_s2(problem: &Problem) -> f64 {
     let of_body = |(body, at_rest): (&Body, f64)| {
         at_rest * body.particles.clone().into_par_iter().map(|i| stiffening(body, i)).reduce(|| 1.0, f64::max)
     };
-    problem.bodies.iter().zip(demands_at_rest_1_s2(problem)).map(of_body).fold(0.0, f64::max)
+    setup.bodies.iter().zip(demands_at_rest_1_s2(setup)).map(of_body).fold(0.0, f64::max)
 }
 
 /// Largest particle speed at time 0 (m/s).
-fn initial_speed_m_s(problem: &Problem) -> f64 {
-    problem
-        .particles
-        .v
-        .iter()
-        .chain(problem.sources.iter().map(|source| &source.velocity))
-        .map(norm)
-        .fold(0.0, f64::max)
+fn initial_speed_m_s(setup: &Setup, particles: &Particles) -> f64 {
+    let emitted = setup.sources.iter().map(|source| &source.velocity);
+    particles.v.iter().chain(emitted).map(norm).fold(0.0, f64::max)
 }
 
 /// Largest ‖C‖ (Frobenius) at time 0 (1/s).
-fn initial_affine_rate_1_s(problem: &Problem) -> f64 {
+fn initial_affine_rate_1_s(setup: &Setup, particles: &Particles) -> f64 {
     let rate = |(x, b): (&[f64; 3], &[f64; 9])| {
         if *b == [0.0; 9] {
             return 0.0;
         }
-        let x = std::array::from_fn(|a| (x[a] - problem.origin[a]) / problem.dx);
-        let mut d = moment_matrix(problem.kernel, x, problem.dx, problem.dimension);
-        if problem.dimension == 2 {
+        let x = std::array::from_fn(|a| (x[a] - setup.origin[a]) / setup.dx);
+        let mut d = moment_matrix(setup.kernel, x, setup.dx, setup.dimension);
+        if setup.dimension == 2 {
             d[8] = 1.0;
         }
         let [b, d] = [b, &d].map(linalg::from_row_major::<f64, 3>);
@@ -143,21 +137,21 @@ fn initial_affine_rate_1_s(problem: &Problem) -> f64 {
         let det = linalg::det(&d);
         inverse_times_det.iter().flatten().map(|c| (c / det).powi(2)).sum::<f64>().sqrt()
     };
-    problem.particles.x.iter().zip(&problem.particles.b).map(rate).filter(|rate| rate.is_finite()).fold(0.0, f64::max)
+    particles.x.iter().zip(&particles.b).map(rate).filter(|rate| rate.is_finite()).fold(0.0, f64::max)
 }
 
 /// Fastest point of any collider inside the domain at any time of the run (m/s), from above.
-pub fn max_collider_speed_m_s(problem: &Problem) -> f64 {
-    let upper: [f64; 3] = std::array::from_fn(|a| problem.origin[a] + problem.cells[a] as f64 * problem.dx);
+pub fn max_collider_speed_m_s(setup: &Setup) -> f64 {
+    let upper: [f64; 3] = std::array::from_fn(|a| setup.origin[a] + setup.cells[a] as f64 * setup.dx);
     let speed = |collider: &Collider| {
         let motion = &collider.motion;
         let [low, high] = collider.sdf.bounds();
         let reach: [f64; 3] = std::array::from_fn(|a| {
-            if a >= problem.dimension {
+            if a >= setup.dimension {
                 return 0.0;
             }
             // An unbounded solid matters up to the walls only.
-            let low = if low[a].is_finite() { low[a] } else { problem.origin[a] };
+            let low = if low[a].is_finite() { low[a] } else { setup.origin[a] };
             let high = if high[a].is_finite() { high[a] } else { upper[a] };
             (low - motion.center[a]).abs().max((high - motion.center[a]).abs())
         });
@@ -169,7 +163,7 @@ pub fn max_collider_speed_m_s(problem: &Problem) -> f64 {
         };
         motion.velocities().map(|(v, w)| norm(&v) + turning(&w)).fold(0.0, f64::max)
     };
-    problem.colliders.iter().map(speed).fold(0.0, f64::max)
+    setup.colliders.iter().map(speed).fold(0.0, f64::max)
 }
 
 fn norm(v: &[f64; 3]) -> f64 {

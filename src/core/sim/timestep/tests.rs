@@ -4,20 +4,13 @@ use rand::{Rng, SeedableRng};
 
 use super::*;
 use crate::maths::linalg;
+use crate::sim::fixture;
 use crate::sim::moments::moment_matrix;
-use gridfall_scene::{self as scene, Limits};
 
-fn problem(kernel: Kernel, transfer: Transfer, extra: &str) -> Problem {
-    let (kernel, transfer) = (serde_json::to_value(kernel).unwrap(), serde_json::to_value(transfer).unwrap());
-    let text = format!(
-        r#"{{ "gridfall": 1, "name": "t", "domain": {{ "min": [0,0,0], "max": [1,1,1], "dx": 0.0625 }},
-            "materials": {{ "m": {{ "model": "neo-hookean", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 }},
-                            "f": {{ "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1e5, "viscosity": 100 }} }},
-            "bodies": [ {{ "name": "b", "material": "m", "shape": {{ "box": {{ "min": [0.4,0.4,0.4], "max": [0.6,0.6,0.6] }} }} }} ],
-            "time": {{ "end": 1, "frame_rate": 50 }},
-            "solver": {{ "kernel": {kernel}, "transfer": {transfer} {extra} }} }}"#
-    );
-    scene::problem(&scene::parse(&text).unwrap(), &Limits::default()).unwrap()
+fn setup(kernel: Kernel, transfer: Transfer) -> Setup {
+    let mut setup = fixture::problem(3, 0.0625, fixture::solid_and_fluid(), &[(0, [0.4375; 3], [0.5625; 3])]).setup;
+    (setup.kernel, setup.transfer) = (kernel, transfer);
+    setup
 }
 
 /// Weight and derivative of each kernel at distance r (dx).
@@ -111,10 +104,10 @@ fn the_single_particle_bound_is_where_a_lone_particle_blows_up() {
         (Quadratic, Apic, midplane, [0.01, 0.0, 2.0]),
     ];
     for (kernel, transfer, x, material) in cases {
-        let mut problem = problem(kernel, transfer, "");
-        problem.dx = 1.0;
+        let mut setup = setup(kernel, transfer);
+        setup.dx = 1.0;
         let [lambda, mu, viscosity] = material;
-        let single = |lambda: f64, mu: f64| elastic_bounds_s(&problem, lambda, mu, 1.0).1;
+        let single = |lambda: f64, mu: f64| elastic_bounds_s(&setup, lambda, mu, 1.0).1;
         let (a, b) = (single(lambda, mu).powi(-2), 2.0 * single(0.0, viscosity).powi(-2));
         let dt = 2.0 / (b + (b * b + 4.0 * a).sqrt());
         let at = |share: f64| growth(kernel, transfer, x, material, share * dt);
@@ -134,8 +127,8 @@ fn no_lone_particle_of_the_compact_kernel_blows_up_below_its_bound() {
     let mut sharpest = [0.0f64; 3];
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(20);
     for (n, transfer) in [Transfer::Pic, Transfer::Apic, Transfer::Mls].into_iter().enumerate() {
-        let mut problem = problem(Kernel::Compact, transfer, "");
-        problem.dx = 1.0;
+        let mut setup = setup(Kernel::Compact, transfer);
+        setup.dx = 1.0;
         for trial in 0..60 {
             // The worst places are near the nodes of one grid, and on the symmetric points.
             let x: [f64; 3] = std::array::from_fn(|_| match trial % 3 {
@@ -144,7 +137,7 @@ fn no_lone_particle_of_the_compact_kernel_blows_up_below_its_bound() {
                 _ => 3.25 + 0.5 * random.random_range(0..2) as f64 + random.random_range(1e-3..2e-2),
             });
             let (lambda, mu) = (10f64.powf(random.random_range(-2.0..2.0)), 1.0);
-            let dt = elastic_bounds_s(&problem, lambda, mu, 1.0).1;
+            let dt = elastic_bounds_s(&setup, lambda, mu, 1.0).1;
             let at = |share: f64| growth(Kernel::Compact, transfer, x, [lambda, mu, 0.0], share * dt) / (lambda + mu);
             assert!(at(0.98) < 1e3, "{transfer:?} at {x:?}, λ/μ = {lambda}: {:e}", at(0.98));
             let mut share: f64 = 1.0;
@@ -160,7 +153,7 @@ fn no_lone_particle_of_the_compact_kernel_blows_up_below_its_bound() {
 
 #[test]
 fn a_frame_is_cut_into_equal_steps_below_every_limit() {
-    let base = problem(Kernel::Compact, Transfer::Mls, "");
+    let base = setup(Kernel::Compact, Transfer::Mls);
     let (dt, rule) = material_bound(&base);
     let plan = plan_frame(&base, &extremes(0.0, 0.0), 0.02);
     assert_eq!((plan.bound, plan.steps), (rule, (0.02 / dt).ceil() as u64));
@@ -170,7 +163,7 @@ fn a_frame_is_cut_into_equal_steps_below_every_limit() {
     assert_eq!(plan.bound, Bound::ParticleSpeed);
     assert!(plan.dt_s * (40.0 + 3f64.sqrt() * base.dx * 100.0) <= base.cfl * base.dx);
 
-    let capped = problem(Kernel::Compact, Transfer::Mls, r#", "max_dt": 0.0001"#);
+    let capped = Setup { max_dt_s: Some(0.0001), ..base.clone() };
     let plan = plan_frame(&capped, &extremes(0.0, 0.0), 0.02);
     assert_eq!((plan.bound, plan.steps), (Bound::MaxDt, 200));
     assert_eq!(plan_frame(&base, &extremes(0.0, 0.0), 1e-6).bound, Bound::Frame);
@@ -178,27 +171,25 @@ fn a_frame_is_cut_into_equal_steps_below_every_limit() {
 
 #[test]
 fn bounds_follow_the_formulas_of_the_papers() {
-    let problem = problem(Kernel::Quadratic, Transfer::Apic, "");
-    let (lambda, mu, _) = moduli(&problem.materials[problem.bodies[0].material]);
+    let setup = setup(Kernel::Quadratic, Transfer::Apic);
+    let (lambda, mu, _) = moduli(&setup.materials[setup.bodies[0].material]);
     assert!((lambda - 1e5 * 0.3 / (1.3 * 0.4)).abs() < 1e-6 && (mu - 1e5 / 2.6).abs() < 1e-6);
-    let (bulk, single) = elastic_bounds_s(&problem, lambda, mu, 1000.0);
+    let (bulk, single) = elastic_bounds_s(&setup, lambda, mu, 1000.0);
     assert!((bulk - 0.0625 * (1000.0 / (lambda + 2.0 * mu)).sqrt()).abs() < 1e-12);
     assert!((single - 0.0625 * (1000.0 / (4.0 * (mu + 1.5 * lambda))).sqrt()).abs() < 1e-12);
 }
 
 #[test]
 fn viscosity_rules_thick_fluids_and_not_thin_ones() {
-    let mut problem = problem(Kernel::Quadratic, Transfer::Mls, "");
-    problem.bodies[0].material = 0;
+    let mut setup = setup(Kernel::Quadratic, Transfer::Mls);
+    setup.bodies[0].material = 1;
     for (viscosity, rule) in [(1e-3, false), (1e5, true)] {
-        let Material::WeaklyCompressibleFluid(fluid) = &mut problem.materials[0] else {
-            panic!("materials are sorted")
-        };
+        let Material::WeaklyCompressibleFluid(fluid) = &mut setup.materials[1] else { panic!("the second is a fluid") };
         fluid.viscosity = viscosity;
-        assert_eq!(matches!(material_bound(&problem).1, Bound::Viscosity { .. }), rule, "{viscosity}");
+        assert_eq!(matches!(material_bound(&setup).1, Bound::Viscosity { .. }), rule, "{viscosity}");
     }
     // Diffusion: dt ≤ f² dx² / 4ν in the bulk, an η-fold part of dx² / ν for a lone particle.
-    let (dt, nu) = (material_bound(&problem).0, 1e5 / 1000.0);
+    let (dt, nu) = (material_bound(&setup).0, 1e5 / 1000.0);
     assert!(dt < SAFETY * 0.0625f64.powi(2) / (4.0 * nu) * 1.001);
 }
 

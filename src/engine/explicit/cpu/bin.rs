@@ -58,7 +58,7 @@ type Fill<'a, T, const D: usize> = &'a (dyn Fn(usize, &mut Chunk<T, D>, usize) +
 impl<T: Real, const D: usize> Solver<T, D> {
     /// Sorts particles into blocks by their positions and prepares the nodes of these blocks.
     pub fn bin(&mut self) {
-        let (cell, period) = (self.setup.layout.cell, self.setup.period);
+        let (cell, period) = (self.constants.layout.cell, self.constants.period);
         let old = std::mem::take(&mut self.chunks);
         let corners: Vec<[i32; D]> = self.blocks.iter().map(|b| b.coordinates).collect();
         let home = |at: usize| {
@@ -114,18 +114,18 @@ impl<T: Real, const D: usize> Solver<T, D> {
             chunk
         };
         self.chunks = runs.par_iter().map(build).collect();
-        self.tiles = vec![[T::ZERO; 4]; blocks.len() * self.setup.layout.tile(D)];
-        self.grid = Grid::new(&blocks, &self.setup.layout, &self.setup.period);
+        self.tiles = vec![[T::ZERO; 4]; blocks.len() * self.constants.layout.tile(D)];
+        self.grid = Grid::new(&blocks, &self.constants.layout, &self.constants.period);
         self.blocks = blocks;
     }
 
     fn inside(&self, block: &[i32; D]) -> [[T; 2]; D] {
         std::array::from_fn(|a| {
-            if self.setup.period[a].is_some() {
+            if self.constants.period[a].is_some() {
                 return [-1e30, 1e30].map(T::from_f64);
             }
             let corner = BLOCK * block[a];
-            [-1 - corner, self.problem.cells[a] as i32 + 1 - corner].map(T::from_i32)
+            [-1 - corner, self.setup.cells[a] as i32 + 1 - corner].map(T::from_i32)
         })
     }
 }

@@ -4,15 +4,14 @@ use super::stages::{Moved, Stages, stages};
 use crate::contract::{Backend, Control, Engine, EngineError, FrameStats};
 use gridfall_core::sim::divergence::{Suspect, likely_cause};
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{Axis, Problem};
 use gridfall_core::sim::reaction::{self, Reaction};
+use gridfall_core::sim::setup::{Axis, Setup};
 use gridfall_core::sim::timestep::{REPLAN_DEMAND, SHRINK, plan_frame};
 
 /// A problem loaded on the CPU.
 pub struct CpuEngine {
     backend: Backend,
-    /// Without particles: they live in the stages.
-    problem: Problem,
+    setup: Setup,
     stages: Box<dyn Stages>,
     particles: usize,
     step: u64,
@@ -21,20 +20,19 @@ pub struct CpuEngine {
 
 impl CpuEngine {
     /// Loads the problem at time 0. Errors: [`EngineError::Capacity`] beyond 2³² particles or 2²² cells along an axis.
-    pub fn new(problem: &Problem) -> Result<Self, EngineError> {
-        let particles = problem.total_particles();
-        if u32::try_from(particles).is_err() {
-            return Err(EngineError::Capacity(format!("{particles} particles; this engine counts to 2^32 - 1")));
+    pub fn new(setup: &Setup, particles: Particles) -> Result<Self, EngineError> {
+        let total = setup.total_particles();
+        if u32::try_from(total).is_err() {
+            return Err(EngineError::Capacity(format!("{total} particles; this engine counts to 2^32 - 1")));
         }
-        if let Some(cells) = problem.cells.iter().find(|&&cells| cells > 1 << 22) {
+        if let Some(cells) = setup.cells.iter().find(|&&cells| cells > 1 << 22) {
             return Err(EngineError::Capacity(format!("{cells} cells along an axis; this engine counts to 2^22")));
         }
-        let without = Problem { particles: Particles::default(), ..problem.clone() };
         Ok(Self {
             backend: Backend::this_cpu("the CPU engine runs every scene"),
-            problem: without,
-            stages: stages(problem),
-            particles: problem.particles.len(),
+            setup: setup.clone(),
+            particles: particles.len(),
+            stages: stages(setup, particles),
             step: 0,
             time_s: 0.0,
         })
@@ -71,19 +69,19 @@ impl CpuEngine {
         };
         let body = p.body[i] as usize;
         let suspect = Suspect { body, f: p.f[i], speed_m_s: speed_squared(&p.v[i]).sqrt() };
-        let cause = likely_cause(&self.problem, &suspect);
-        format!("particle {i} (body \"{}\") {fault}; likely cause: {cause}", self.problem.bodies[body].name)
+        let cause = likely_cause(&self.setup, &suspect);
+        format!("particle {i} (body \"{}\") {fault}; likely cause: {cause}", self.setup.bodies[body].name)
     }
 
     fn outside(&self) -> String {
-        let (p, problem) = (self.stages.particles(), &self.problem);
+        let (p, setup) = (self.stages.particles(), &self.setup);
         let out = |i: usize, a: usize| {
-            let x = (p.x[i][a] - problem.origin[a]) / problem.dx;
-            matches!(problem.axes[a], Axis::Walls(_)) && !(-1.0..=problem.cells[a] as f64 + 1.0).contains(&x)
+            let x = (p.x[i][a] - setup.origin[a]) / setup.dx;
+            matches!(setup.axes[a], Axis::Walls(_)) && !(-1.0..=setup.cells[a] as f64 + 1.0).contains(&x)
         };
-        let i = (0..p.len()).find(|&i| (0..problem.dimension).any(|a| out(i, a))).unwrap_or(0);
-        let body = &problem.bodies[p.body[i] as usize].name;
-        format!("particle {i} (body \"{body}\") is at {:?} m", &p.x[i][..problem.dimension])
+        let i = (0..p.len()).find(|&i| (0..setup.dimension).any(|a| out(i, a))).unwrap_or(0);
+        let body = &setup.bodies[p.body[i] as usize].name;
+        format!("particle {i} (body \"{body}\") is at {:?} m", &p.x[i][..setup.dimension])
     }
 }
 
@@ -101,11 +99,11 @@ impl Engine for CpuEngine {
         let (start_s, first_step) = (self.time_s, self.step);
         self.stages.start_frame();
         let extremes = self.stages.extremes();
-        let mut plan = plan_frame(&self.problem, &extremes, frame_s);
+        let mut plan = plan_frame(&self.setup, &extremes, frame_s);
         let mut isolated_reset = 0;
         let mut from_s = start_s;
         let mut done = 0;
-        let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.problem)];
+        let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.setup)];
         self.stages.p2g(plan.dt_s);
         loop {
             if control.canceled() {
@@ -124,13 +122,13 @@ impl Engine for CpuEngine {
                 break;
             }
             // Faster or stiffer than planned for: what remains of the frame in smaller equal steps.
-            let too_long = moved.max_speed_m_s * plan.dt_s > self.problem.cfl * self.problem.dx
+            let too_long = moved.max_speed_m_s * plan.dt_s > self.setup.cfl * self.setup.dx
                 || moved.growing
                 || moved.demand_1_s2 * plan.dt_s * plan.dt_s > REPLAN_DEMAND;
             if too_long {
                 let extremes = self.stages.extremes();
                 from_s = self.time_s;
-                let longest = plan_frame(&self.problem, &extremes, start_s + frame_s - from_s);
+                let longest = plan_frame(&self.setup, &extremes, start_s + frame_s - from_s);
                 plan = longest.no_longer_than(SHRINK * plan.dt_s);
                 done = 0;
             }
@@ -144,11 +142,11 @@ impl Engine for CpuEngine {
         Ok(FrameStats { steps, dt_s: frame_s / steps as f64, isolated_reset, reactions, solves: Vec::new() })
     }
 
-    fn append(&mut self, particles: &Particles) -> Result<(), EngineError> {
+    fn append(&mut self, particles: Particles) -> Result<(), EngineError> {
         let mut all = self.stages.particles();
-        all.append(particles.clone());
+        all.append(particles);
         self.particles = all.len();
-        self.stages.load(&all);
+        self.stages.load(all);
         Ok(())
     }
 

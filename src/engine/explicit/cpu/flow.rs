@@ -151,12 +151,12 @@ mod tests {
     use rand::{Rng, SeedableRng, rngs::StdRng};
 
     use super::*;
-    use gridfall_core::material::law_samples;
+    use gridfall_core::material::samples;
     use gridfall_core::maths::linalg::Matrix;
 
     /// Chunks of random, flat and inverted states against the law a particle at a time.
     fn check<const D: usize>(rng: &mut StdRng) {
-        for material in law_samples() {
+        for material in samples() {
             let law = Law::<f64>::new(&material);
             if !law.is_principal() {
                 continue;

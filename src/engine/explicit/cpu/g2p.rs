@@ -5,7 +5,7 @@
 //! In: node velocities of a tile. Out: particles of its block. One thread a block.
 
 use super::chunk::{Chunk, LANES, MatrixLanes, Stencils, matrix, set_matrix};
-use super::solver::Setup;
+use super::solver::Constants;
 use super::tile::{BLOCK, Node, SLACK, Walk, add_scaled, index, scale};
 use gridfall_core::material::Law;
 use gridfall_core::maths::linalg::{add_scaled as add_scaled_matrix, mul, trace};
@@ -50,14 +50,14 @@ impl<T: Real> Moves<T> {
 widest! {
     /// Velocities and B of a chunk's particles from the velocities of a tile, and ∇v (1/s).
     pub fn gather[T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize][T, K, D, G, W](
-        setup: &Setup<T, D>,
+        constants: &Constants<T, D>,
         chunk: &mut Chunk<T, D>,
         tile: &[Node<T>],
         grad_v: &mut MatrixLanes<T, D>,
     ) {
         let stencils = Stencils::<T, D, G, W>::new::<K>(&chunk.x);
-        let lowest = &setup.layout.lowest;
-        if setup.affine {
+        let lowest = &constants.layout.lowest;
+        if constants.affine {
             let moments = stencils.moments();
             for l in 0..chunk.count {
                 let (v, moment) = gather_lane(lowest, &stencils, &moments, l, tile);
@@ -69,20 +69,20 @@ widest! {
                 }
             }
         }
-        if setup.gradient_form {
+        if constants.gradient_form {
             for l in 0..chunk.count {
                 let (v, slope) = gather_lane(lowest, &stencils, &stencils.slope, l, tile);
                 for i in 0..D {
                     chunk.v[i][l] = v[i];
                     for k in 0..D {
-                        grad_v[i][k][l] = slope[k][i] / setup.dx;
+                        grad_v[i][k][l] = slope[k][i] / constants.dx;
                     }
                 }
             }
         } else {
             for l in 0..LANES {
                 let c = stencils.times_inverse_moment::<K>(&matrix(&chunk.b, l), l);
-                set_matrix(grad_v, l, &c.map(|row| row.map(|c| c / setup.dx)));
+                set_matrix(grad_v, l, &c.map(|row| row.map(|c| c / constants.dx)));
             }
         }
     }
@@ -140,13 +140,13 @@ widest! {
     /// F ← (I + dt ∇v) F, or a fluid's J ← (1 + dt tr ∇v) J; x ← x + dt v. `inside` bounds positions (dx, relative to the
     /// block).
     pub fn advance[T: Real, const D: usize][T, D](
-        setup: &Setup<T, D>,
+        constants: &Constants<T, D>,
         chunk: &mut Chunk<T, D>,
         dt: T,
         grad_v: &MatrixLanes<T, D>,
         inside: &[[T; 2]; D],
     ) -> Moves<T> {
-        if let Law::WeaklyCompressibleFluid(_) = setup.bodies[chunk.body as usize].law {
+        if let Law::WeaklyCompressibleFluid(_) = constants.bodies[chunk.body as usize].law {
             for l in 0..LANES {
                 chunk.f[0][0][l] *= T::ONE + dt * trace(&matrix(grad_v, l));
             }
@@ -159,8 +159,8 @@ widest! {
             }
         }
 
-        let step = dt / setup.dx;
-        let cell = T::from_f64(setup.layout.cell);
+        let step = dt / constants.dx;
+        let cell = T::from_f64(constants.layout.cell);
         let (low, high) = (cell - T::from_i32(SLACK), cell + T::from_i32(BLOCK + SLACK));
         let mut moves = Moves::<T>::default();
         let mut speed_squared = [T::ZERO; LANES];

@@ -11,8 +11,8 @@ use super::tile::{BLOCK, Layout, MASS, Node};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::collider::{NORMAL_STEP_DX, Placed};
 use gridfall_core::sim::contact::{respond, wall_side};
-use gridfall_core::sim::problem::{Axis, Contact, Problem};
 use gridfall_core::sim::reaction::{self, Reaction};
+use gridfall_core::sim::setup::{Axis, Contact, Setup};
 
 /// Node velocities on sparse blocks of 4^D nodes.
 #[derive(Clone, Debug, Default)]
@@ -67,14 +67,14 @@ impl<T: Real, const D: usize> Grid<T, D> {
     /// Updates the velocities; the impulses that surfaces take. `shift`: where node 0 of each grid lies (dx).
     pub fn update(
         &mut self,
-        problem: &Problem,
+        setup: &Setup,
         tiles: &[Node<T>],
         shift: [f64; 2],
         dt_s: f64,
         time_s: f64,
     ) -> Vec<Reaction> {
-        let fall: [T; D] = std::array::from_fn(|a| T::from_f64(dt_s * problem.gravity[a]));
-        let present = problem.colliders.iter().zip(reaction::WALLS..).filter(|(c, _)| c.is_present(time_s));
+        let fall: [T; D] = std::array::from_fn(|a| T::from_f64(dt_s * setup.gravity[a]));
+        let present = setup.colliders.iter().zip(reaction::WALLS..).filter(|(c, _)| c.is_present(time_s));
         let present: Vec<Surface> =
             present.map(|(c, index)| Surface { index, contact: c.contact, collider: c.at(time_s) }).collect();
         let mut velocities = std::mem::take(&mut self.velocities);
@@ -82,8 +82,8 @@ impl<T: Real, const D: usize> Grid<T, D> {
         let blocks = velocities.par_chunks_exact_mut(nodes).zip(&self.tables.blocks).enumerate();
         let taken: Vec<Taken> = blocks
             .map(|(index, (block, corner))| {
-                let near = near(problem, &present, corner);
-                let mut taken = Taken { problem, sums: Vec::new() };
+                let near = near(setup, &present, corner);
+                let mut taken = Taken { setup, sums: Vec::new() };
                 for (local, velocity) in block.iter_mut().enumerate() {
                     let node = self.sum(index * nodes + local, tiles);
                     *velocity = [T::ZERO; 4];
@@ -94,8 +94,8 @@ impl<T: Real, const D: usize> Grid<T, D> {
                     let v = std::array::from_fn(|a| node[a] / node[MASS] + fall[a]);
                     let (g, i) = Tables::node(corner, local);
                     let at = At { node: i, shift: shift[g], mass: node[MASS] };
-                    let v = walls(problem, v, &at, &mut taken);
-                    let v = near.iter().fold(v, |v, surface| collide(problem, surface, v, &at, &mut taken));
+                    let v = walls(setup, v, &at, &mut taken);
+                    let v = near.iter().fold(v, |v, surface| collide(setup, surface, v, &at, &mut taken));
                     velocity[..D].copy_from_slice(&v);
                     velocity[MASS] = node[MASS];
                 }
@@ -103,7 +103,7 @@ impl<T: Real, const D: usize> Grid<T, D> {
             })
             .collect();
         self.velocities = velocities;
-        let mut impulses = vec![Reaction::default(); reaction::surfaces(problem)];
+        let mut impulses = vec![Reaction::default(); reaction::surfaces(setup)];
         taken.iter().for_each(|taken| reaction::add_all(&mut impulses, &taken.sums));
         // Each grid carries all mass.
         impulses.iter().map(|sum| sum.times(1.0 / self.tables.grids as f64)).collect()
@@ -139,7 +139,7 @@ struct At<T, const D: usize> {
 
 /// What surfaces take from the nodes of a block; empty until one takes something.
 struct Taken<'a> {
-    problem: &'a Problem,
+    setup: &'a Setup,
     sums: Vec<Reaction>,
 }
 
@@ -149,7 +149,7 @@ impl Taken<'_> {
         if from == to {
             return;
         }
-        self.sums.resize(reaction::surfaces(self.problem), Reaction::default());
+        self.sums.resize(reaction::surfaces(self.setup), Reaction::default());
         let mut impulse = [0.0; 3];
         for a in 0..D {
             impulse[a] = mass.to_f64() * (from[a].to_f64() - to[a].to_f64());
@@ -158,10 +158,10 @@ impl Taken<'_> {
     }
 }
 
-fn walls<T: Real, const D: usize>(problem: &Problem, mut v: [T; D], at: &At<T, D>, taken: &mut Taken) -> [T; D] {
+fn walls<T: Real, const D: usize>(setup: &Setup, mut v: [T; D], at: &At<T, D>, taken: &mut Taken) -> [T; D] {
     for a in 0..D {
-        let Axis::Walls(contacts) = &problem.axes[a] else { continue };
-        if let Some(side) = wall_side(at.node[a], problem.cells[a] as i32) {
+        let Axis::Walls(contacts) = &setup.axes[a] else { continue };
+        if let Some(side) = wall_side(at.node[a], setup.cells[a] as i32) {
             let mut normal = [T::ZERO; D];
             normal[a] = if side == 0 { T::ONE } else { -T::ONE };
             let after = respond(&contacts[side], &v, &normal, &[T::ZERO; D]);
@@ -173,10 +173,10 @@ fn walls<T: Real, const D: usize>(problem: &Problem, mut v: [T; D], at: &At<T, D
 }
 
 /// Where a node is (m), in scene coordinates.
-fn position<const D: usize>(problem: &Problem, node: [i32; D], shift: f64) -> [f64; 3] {
+fn position<const D: usize>(setup: &Setup, node: [i32; D], shift: f64) -> [f64; 3] {
     let mut x = [0.0; 3];
     for a in 0..D {
-        x[a] = problem.origin[a] + (node[a] as f64 + shift) * problem.dx;
+        x[a] = setup.origin[a] + (node[a] as f64 + shift) * setup.dx;
     }
     x
 }
@@ -190,25 +190,25 @@ struct Surface<'a> {
 
 /// Colliders that may reach a node of the block. Distances change by at most the way gone (and a slack of sampled shapes), so the
 /// block's middle tells.
-fn near<'a, const D: usize>(problem: &Problem, present: &'a [Surface<'a>], corner: &[i32; D]) -> Vec<&'a Surface<'a>> {
-    let middle = position(problem, corner.map(|c| BLOCK * c + BLOCK / 2), 0.0);
+fn near<'a, const D: usize>(setup: &Setup, present: &'a [Surface<'a>], corner: &[i32; D]) -> Vec<&'a Surface<'a>> {
+    let middle = position(setup, corner.map(|c| BLOCK * c + BLOCK / 2), 0.0);
     // Nodes lie within 2¼ cells of the middle on every axis.
-    let reach = 2.25 * (D as f64).sqrt() * problem.dx;
+    let reach = 2.25 * (D as f64).sqrt() * setup.dx;
     present.iter().filter(|surface| surface.collider.distance(middle) <= reach + surface.collider.slack()).collect()
 }
 
 fn collide<T: Real, const D: usize>(
-    problem: &Problem,
+    setup: &Setup,
     Surface { index, contact, collider }: &Surface,
     v: [T; D],
     at: &At<T, D>,
     taken: &mut Taken,
 ) -> [T; D] {
-    let x = position(problem, at.node, at.shift);
+    let x = position(setup, at.node, at.shift);
     if collider.distance(x) > 0.0 {
         return v;
     }
-    let normal = collider.normal(x, NORMAL_STEP_DX * problem.dx);
+    let normal = collider.normal(x, NORMAL_STEP_DX * setup.dx);
     let cast = |u: [f64; 3]| std::array::from_fn(|a| T::from_f64(u[a]));
     let after = respond(contact, &v, &cast(normal), &cast(collider.velocity_at(x)));
     let center = collider.motion.center;

@@ -4,26 +4,39 @@
 use std::marker::PhantomData;
 
 use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, Stencils, matrix, set_matrix};
-use super::solver::Setup;
+use super::solver::Constants;
 use super::tile::{Layout, Node};
 use super::{g2p, isolated, p2g};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::kernel::{Compact, Cubic, Kernel as KernelForm, Linear, Quadratic};
-use gridfall_core::sim::problem::Kernel;
+use gridfall_core::sim::setup::Kernel;
 
 /// Transfers between the particles of a chunk and the nodes of its block's tile.
 pub trait Interpolation<T, const D: usize>: Send + Sync {
     fn layout(&self) -> Layout;
     /// [`g2p::gather`].
-    fn gather(&self, setup: &Setup<T, D>, chunk: &mut Chunk<T, D>, tile: &[Node<T>], grad_v: &mut MatrixLanes<T, D>);
+    fn gather(
+        &self,
+        constants: &Constants<T, D>,
+        chunk: &mut Chunk<T, D>,
+        tile: &[Node<T>],
+        grad_v: &mut MatrixLanes<T, D>,
+    );
     /// [`p2g::scatter`].
-    fn scatter(&self, setup: &Setup<T, D>, chunk: &Chunk<T, D>, dt: T, tau: &MatrixLanes<T, D>, tile: &mut [Node<T>]);
+    fn scatter(
+        &self,
+        constants: &Constants<T, D>,
+        chunk: &Chunk<T, D>,
+        dt: T,
+        tau: &MatrixLanes<T, D>,
+        tile: &mut [Node<T>],
+    );
     /// [`isolated::find`].
-    fn isolated(&self, setup: &Setup<T, D>, chunk: &Chunk<T, D>, tile: &[Node<T>]) -> Lanes<bool>;
+    fn isolated(&self, constants: &Constants<T, D>, chunk: &Chunk<T, D>, tile: &[Node<T>]) -> Lanes<bool>;
     /// [`isolated::reset`].
-    fn reset(&self, setup: &Setup<T, D>, chunk: &mut Chunk<T, D>, isolated: &Lanes<bool>);
+    fn reset(&self, constants: &Constants<T, D>, chunk: &mut Chunk<T, D>, isolated: &Lanes<bool>);
     /// C = B D⁻¹ (1/s).
-    fn affine_rates(&self, setup: &Setup<T, D>, chunk: &Chunk<T, D>) -> MatrixLanes<T, D>;
+    fn affine_rates(&self, constants: &Constants<T, D>, chunk: &Chunk<T, D>) -> MatrixLanes<T, D>;
 }
 
 struct Form<K, const G: usize, const W: usize>(PhantomData<K>);
@@ -35,28 +48,41 @@ impl<T: Real, K: KernelForm<G, W>, const D: usize, const G: usize, const W: usiz
         Layout::of::<K, G, W>()
     }
 
-    fn gather(&self, setup: &Setup<T, D>, chunk: &mut Chunk<T, D>, tile: &[Node<T>], grad_v: &mut MatrixLanes<T, D>) {
-        g2p::gather::<T, K, D, G, W>(setup, chunk, tile, grad_v);
+    fn gather(
+        &self,
+        constants: &Constants<T, D>,
+        chunk: &mut Chunk<T, D>,
+        tile: &[Node<T>],
+        grad_v: &mut MatrixLanes<T, D>,
+    ) {
+        g2p::gather::<T, K, D, G, W>(constants, chunk, tile, grad_v);
     }
 
-    fn scatter(&self, setup: &Setup<T, D>, chunk: &Chunk<T, D>, dt: T, tau: &MatrixLanes<T, D>, tile: &mut [Node<T>]) {
-        p2g::scatter::<T, K, D, G, W>(setup, chunk, dt, tau, tile);
+    fn scatter(
+        &self,
+        constants: &Constants<T, D>,
+        chunk: &Chunk<T, D>,
+        dt: T,
+        tau: &MatrixLanes<T, D>,
+        tile: &mut [Node<T>],
+    ) {
+        p2g::scatter::<T, K, D, G, W>(constants, chunk, dt, tau, tile);
     }
 
-    fn isolated(&self, setup: &Setup<T, D>, chunk: &Chunk<T, D>, tile: &[Node<T>]) -> Lanes<bool> {
-        isolated::find::<T, K, D, G, W>(setup, chunk, tile)
+    fn isolated(&self, constants: &Constants<T, D>, chunk: &Chunk<T, D>, tile: &[Node<T>]) -> Lanes<bool> {
+        isolated::find::<T, K, D, G, W>(constants, chunk, tile)
     }
 
-    fn reset(&self, setup: &Setup<T, D>, chunk: &mut Chunk<T, D>, isolated: &Lanes<bool>) {
-        isolated::reset::<T, K, D, G, W>(setup, chunk, isolated);
+    fn reset(&self, constants: &Constants<T, D>, chunk: &mut Chunk<T, D>, isolated: &Lanes<bool>) {
+        isolated::reset::<T, K, D, G, W>(constants, chunk, isolated);
     }
 
-    fn affine_rates(&self, setup: &Setup<T, D>, chunk: &Chunk<T, D>) -> MatrixLanes<T, D> {
+    fn affine_rates(&self, constants: &Constants<T, D>, chunk: &Chunk<T, D>) -> MatrixLanes<T, D> {
         let stencils = Stencils::<T, D, G, W>::new::<K>(&chunk.x);
         let mut rates = chunk.b;
         for l in 0..LANES {
             let c = stencils.times_inverse_moment::<K>(&matrix(&chunk.b, l), l);
-            set_matrix(&mut rates, l, &c.map(|row| row.map(|c| c / setup.dx)));
+            set_matrix(&mut rates, l, &c.map(|row| row.map(|c| c / constants.dx)));
         }
         rates
     }

@@ -7,7 +7,7 @@
 
 use super::chunk::{Chunk, LANES, Lanes, Stencils, matrix, set_matrix};
 use super::g2p::gather_lane;
-use super::solver::Setup;
+use super::solver::Constants;
 use super::tile::{MASS, Node};
 use gridfall_core::maths::linalg::{Matrix, apply, cofactor, det, scaled_identity, trace};
 use gridfall_core::maths::real::Real;
@@ -19,16 +19,16 @@ pub const ALONE: f64 = 1e-4;
 
 /// Which particles of a chunk have their nodes to themselves, by the masses in the tile that they gather from.
 pub fn find<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize>(
-    setup: &Setup<T, D>,
+    constants: &Constants<T, D>,
     chunk: &Chunk<T, D>,
     tile: &[Node<T>],
 ) -> Lanes<bool> {
-    let mass = setup.bodies[chunk.body as usize].mass;
+    let mass = constants.bodies[chunk.body as usize].mass;
     let stencils = Stencils::<T, D, G, W>::new::<K>(&chunk.x);
     let own = stencils.own_share();
     let mut alone = [false; LANES];
     for l in 0..chunk.count {
-        let (total, _) = gather_lane(&setup.layout.lowest, &stencils, &stencils.weight, l, tile);
+        let (total, _) = gather_lane(&constants.layout.lowest, &stencils, &stencils.weight, l, tile);
         alone[l] = total[MASS] < mass * own[l] * T::from_f64(1.0 + ALONE);
     }
     alone
@@ -36,7 +36,7 @@ pub fn find<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: u
 
 /// Resets the marked particles, which are where the step has taken them.
 pub fn reset<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize>(
-    setup: &Setup<T, D>,
+    constants: &Constants<T, D>,
     chunk: &mut Chunk<T, D>,
     isolated: &Lanes<bool>,
 ) {
@@ -44,7 +44,7 @@ pub fn reset<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: 
     for l in (0..LANES).filter(|&l| isolated[l]) {
         // J in the first entry of a fluid's F is 1 at rest, too.
         set_matrix(&mut chunk.f, l, &scaled_identity(T::ONE));
-        if setup.affine {
+        if constants.affine {
             let d = stencils.times_moment(&scaled_identity(T::ONE), l);
             let spin = rotation_of(&matrix(&chunk.b, l), &d);
             set_matrix(&mut chunk.b, l, &stencils.times_moment(&spin, l));

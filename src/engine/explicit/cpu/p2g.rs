@@ -4,7 +4,7 @@
 //! In: particles of a block. Out: its tile. One thread a block.
 
 use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, Stencils, matrix, set_matrix};
-use super::solver::Setup;
+use super::solver::Constants;
 use super::tile::{MASS, Node, Walk, add_scaled, index, scale};
 use gridfall_core::material::Law;
 use gridfall_core::maths::linalg::{Matrix, scaled_identity};
@@ -16,24 +16,24 @@ use gridfall_core::sim::kernel::Kernel;
 widest! {
     /// Adds a chunk's particles, whose stresses are `tau`, to its block's tile.
     pub fn scatter[T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize][T, K, D, G, W](
-        setup: &Setup<T, D>,
+        constants: &Constants<T, D>,
         chunk: &Chunk<T, D>,
         dt: T,
         tau: &MatrixLanes<T, D>,
         tile: &mut [Node<T>],
     ) {
-        let body = &setup.bodies[chunk.body as usize];
+        let body = &constants.bodies[chunk.body as usize];
         let stencils = Stencils::<T, D, G, W>::new::<K>(&chunk.x);
 
         // Momentum is w (m v + affine d) − Σ_a pull_a ∂w/∂x_a with d = (x_i − x_p)/dx.
         let (mut affine, mut pulls) = ([[[T::ZERO; LANES]; D]; D], [[[T::ZERO; LANES]; D]; D]);
-        let impulse = dt * body.volume0 / setup.dx;
+        let impulse = dt * body.volume0 / constants.dx;
         for l in 0..LANES {
             let (mut moment, mut pull) = (matrix(&chunk.b, l), matrix(tau, l));
             for i in 0..D {
                 for k in 0..D {
                     pull[i][k] *= -impulse;
-                    moment[i][k] = body.mass * moment[i][k] + if setup.gradient_form { T::ZERO } else { pull[i][k] };
+                    moment[i][k] = body.mass * moment[i][k] + if constants.gradient_form { T::ZERO } else { pull[i][k] };
                 }
             }
             set_matrix(&mut affine, l, &stencils.times_inverse_moment::<K>(&moment, l));
@@ -52,8 +52,8 @@ widest! {
                 }
             }
             value[MASS] = body.mass;
-            let lowest = &setup.layout.lowest;
-            if setup.gradient_form {
+            let lowest = &constants.layout.lowest;
+            if constants.gradient_form {
                 scatter_lane::<T, D, G, W, true>(lowest, &stencils, l, value, &column, &pull, tile);
             } else {
                 scatter_lane::<T, D, G, W, false>(lowest, &stencils, l, value, &column, &pull, tile);

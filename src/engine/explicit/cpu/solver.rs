@@ -14,8 +14,8 @@ use gridfall_core::material::Law;
 use gridfall_core::maths::linalg::{det, double_dot, from_row_major, scaled_identity, to_row_major};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{Axis, Problem, Transfer};
 use gridfall_core::sim::reaction::Reaction;
+use gridfall_core::sim::setup::{Axis, Setup, Transfer};
 use gridfall_core::sim::timestep::{Extremes, demands_at_rest_1_s2};
 
 /// What all particles of a body share.
@@ -38,7 +38,7 @@ impl<T> BodySetup<T> {
 
 /// What stays the same during a run, in the solver's scalar.
 #[derive(Clone, Debug)]
-pub struct Setup<T, const D: usize> {
+pub struct Constants<T, const D: usize> {
     pub dx: T,
     pub bodies: Vec<BodySetup<T>>,
     /// Forces by ∇w instead of D⁻¹ (x_i − x_p) w, ∇v likewise.
@@ -62,9 +62,8 @@ pub struct Block<T, const D: usize> {
 
 /// A particle simulation whose stages have the names of the GPU's.
 pub struct Solver<T, const D: usize> {
-    pub(super) setup: Setup<T, D>,
-    /// Without particles.
-    pub(super) problem: Problem,
+    pub(super) constants: Constants<T, D>,
+    pub(super) setup: Setup,
     interpolation: Box<dyn Interpolation<T, D>>,
     pub(super) chunks: Vec<Chunk<T, D>>,
     pub(super) blocks: Vec<Block<T, D>>,
@@ -74,40 +73,40 @@ pub struct Solver<T, const D: usize> {
 }
 
 impl<T: Real, const D: usize> Solver<T, D> {
-    pub fn new(problem: &Problem) -> Self {
-        let bodies = problem.bodies.iter().zip(demands_at_rest_1_s2(problem)).map(|(body, demand)| BodySetup {
-            law: Law::new(&problem.materials[body.material]),
+    pub fn new(setup: &Setup, particles: Particles) -> Self {
+        let bodies = setup.bodies.iter().zip(demands_at_rest_1_s2(setup)).map(|(body, demand)| BodySetup {
+            law: Law::new(&setup.materials[body.material]),
             mass: T::from_f64(body.mass),
             volume0: T::from_f64(body.volume0),
             demand: T::from_f64(demand),
         });
-        let interpolation = interpolation(problem.kernel);
-        let periodic = |a: usize| matches!(problem.axes[a], Axis::Periodic).then_some(problem.cells[a] as i32);
-        let setup = Setup {
-            dx: T::from_f64(problem.dx),
+        let interpolation = interpolation(setup.kernel);
+        let periodic = |a: usize| matches!(setup.axes[a], Axis::Periodic).then_some(setup.cells[a] as i32);
+        let constants = Constants {
+            dx: T::from_f64(setup.dx),
             bodies: bodies.collect(),
-            gradient_form: problem.transfer != Transfer::Mls,
-            affine: problem.transfer != Transfer::Pic,
+            gradient_form: setup.transfer != Transfer::Mls,
+            affine: setup.transfer != Transfer::Pic,
             layout: interpolation.layout(),
             period: std::array::from_fn(periodic),
         };
         let mut solver = Self {
-            setup,
-            problem: Problem { particles: Particles::default(), ..problem.clone() },
+            constants,
+            setup: setup.clone(),
             interpolation,
             chunks: Vec::new(),
             blocks: Vec::new(),
             tiles: Vec::new(),
             grid: Grid::default(),
         };
-        solver.load(&problem.particles);
+        solver.load(particles);
         solver
     }
 
     /// Replaces all particle states, and bins.
-    pub fn load(&mut self, particles: &Particles) {
-        let (origin, dx) = (self.problem.origin, self.problem.dx);
-        let (cell, period, bodies) = (self.setup.layout.cell, self.setup.period, self.setup.bodies.clone());
+    pub fn load(&mut self, particles: Particles) {
+        let (origin, dx) = (self.setup.origin, self.setup.dx);
+        let (cell, period, bodies) = (self.constants.layout.cell, self.constants.period, self.constants.bodies.clone());
         let home = |i: usize| {
             let x = std::array::from_fn(|a| (particles.x[i][a] - origin[a]) / dx);
             bin::home::<f64, D>(cell, &period, [0; D], x)
@@ -137,10 +136,10 @@ impl<T: Real, const D: usize> Solver<T, D> {
     /// a run continued from a snapshot is the run that was not interrupted.
     pub fn start_frame(&mut self) {
         self.bin();
-        let (setup, interpolation) = (&self.setup, &self.interpolation);
+        let (constants, interpolation) = (&self.constants, &self.interpolation);
         self.chunks.par_iter_mut().for_each(|chunk| {
-            if setup.affine && setup.bodies[chunk.body as usize].is_fluid() {
-                chunk.grad_v = interpolation.affine_rates(setup, chunk);
+            if constants.affine && constants.bodies[chunk.body as usize].is_fluid() {
+                chunk.grad_v = interpolation.affine_rates(constants, chunk);
             }
         });
     }
@@ -158,18 +157,18 @@ impl<T: Real, const D: usize> Solver<T, D> {
         };
         for chunk in &self.chunks {
             let corner = self.blocks[chunk.block as usize].coordinates;
-            let fluid = self.setup.bodies[chunk.body as usize].is_fluid();
+            let fluid = self.constants.bodies[chunk.body as usize].is_fluid();
             for l in 0..chunk.count {
                 let id = chunk.id[l] as usize;
                 for a in 0..D {
                     let mut x = (BLOCK * corner[a]) as f64 + chunk.x[a][l].to_f64();
-                    if let Some(period) = self.setup.period[a] {
+                    if let Some(period) = self.constants.period[a] {
                         x = x.rem_euclid(period as f64);
                     }
-                    p.x[id][a] = self.problem.origin[a] + self.problem.dx * x;
+                    p.x[id][a] = self.setup.origin[a] + self.setup.dx * x;
                     p.v[id][a] = chunk.v[a][l].to_f64();
                 }
-                p.b[id] = to_row_major(&matrix(&chunk.b, l), 0.0).map(|b| b * self.problem.dx);
+                p.b[id] = to_row_major(&matrix(&chunk.b, l), 0.0).map(|b| b * self.setup.dx);
                 p.f[id] = if fluid {
                     let stretch = chunk.f[0][0][l].to_f64().powf(1.0 / D as f64);
                     to_row_major(&scaled_identity::<f64, D>(stretch), 1.0)
@@ -186,8 +185,8 @@ impl<T: Real, const D: usize> Solver<T, D> {
     /// What the particles ask of the coming steps; C = B D⁻¹.
     pub fn extremes(&self) -> Extremes {
         let of_chunk = |chunk: &Chunk<T, D>| {
-            let rates = self.interpolation.affine_rates(&self.setup, chunk);
-            let body = &self.setup.bodies[chunk.body as usize];
+            let rates = self.interpolation.affine_rates(&self.constants, chunk);
+            let body = &self.constants.bodies[chunk.body as usize];
             let mut scratch = rates;
             let demand = body.demand * p2g::stress(&body.law, chunk, &mut scratch).max(T::ONE);
             let (mut speed, mut rate) = (T::ZERO, T::ZERO);
@@ -210,7 +209,7 @@ impl<T: Real, const D: usize> Solver<T, D> {
 
     /// Tiles → node velocities at the end of a step of `dt_s` that starts at `time_s`; the impulses that surfaces take.
     pub fn grid_update(&mut self, dt_s: f64, time_s: f64) -> Vec<Reaction> {
-        self.grid.update(&self.problem, &self.tiles, self.setup.layout.shift, dt_s, time_s)
+        self.grid.update(&self.setup, &self.tiles, self.constants.layout.shift, dt_s, time_s)
     }
 
     /// Node velocities → particles; the last step of a frame, which resets particles that are alone.
@@ -225,9 +224,9 @@ impl<T: Real, const D: usize> Solver<T, D> {
     }
 
     fn step_blocks(&mut self, dt_s: f64, g2p: bool, p2g: bool) -> Moves<T> {
-        let (setup, interpolation, grid) = (&self.setup, &*self.interpolation, &self.grid);
+        let (constants, interpolation, grid) = (&self.constants, &*self.interpolation, &self.grid);
         let dt = T::from_f64(dt_s);
-        let tile_size = setup.layout.tile(D);
+        let tile_size = constants.layout.tile(D);
         let mut rest = self.chunks.as_mut_slice();
         let mut work = Vec::with_capacity(self.blocks.len());
         for (block, tile) in self.blocks.iter().zip(self.tiles.chunks_exact_mut(tile_size)) {
@@ -246,24 +245,24 @@ impl<T: Real, const D: usize> Solver<T, D> {
             let mut moves = Moves::default();
             let mut scratch: MatrixLanes<T, D> = chunks[0].b;
             for chunk in chunks {
-                let body = &setup.bodies[chunk.body as usize];
+                let body = &constants.bodies[chunk.body as usize];
                 let mut flowed = None;
                 if g2p {
-                    let alone = (!p2g).then(|| interpolation.isolated(setup, chunk, velocities));
-                    interpolation.gather(setup, chunk, velocities, &mut scratch);
-                    moves = moves.and(g2p::advance(setup, chunk, dt, &scratch, &block.inside));
+                    let alone = (!p2g).then(|| interpolation.isolated(constants, chunk, velocities));
+                    interpolation.gather(constants, chunk, velocities, &mut scratch);
+                    moves = moves.and(g2p::advance(constants, chunk, dt, &scratch, &block.inside));
                     if body.law.is_principal() {
                         flowed = Some(flow::flow(&body.law, chunk, &mut scratch));
                     }
                     if let Some(alone) = alone.filter(|alone| alone.contains(&true)) {
-                        interpolation.reset(setup, chunk, &alone);
+                        interpolation.reset(constants, chunk, &alone);
                         moves.isolated += alone.iter().filter(|&&alone| alone).count() as u64;
                     }
                 }
                 if p2g && !(moves.strayed || moves.diverged) {
                     let stiffening = flowed.unwrap_or_else(|| p2g::stress(&body.law, chunk, &mut scratch));
                     moves.demand = moves.demand.max(body.demand * stiffening);
-                    interpolation.scatter(setup, chunk, dt, &scratch, tile);
+                    interpolation.scatter(constants, chunk, dt, &scratch, tile);
                 }
             }
             moves

@@ -5,8 +5,8 @@ use super::grid_update::NodeState;
 use super::solver::Solver;
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::problem::{Precision, Problem};
 use gridfall_core::sim::reaction::Reaction;
+use gridfall_core::sim::setup::{Precision, Setup};
 use gridfall_core::sim::timestep::Extremes;
 
 /// What the particles did in a step.
@@ -32,7 +32,7 @@ pub struct Moved {
 /// last one `g2p`.
 pub trait Stages: Send {
     /// Replaces all particle states; in sampling order.
-    fn load(&mut self, particles: &Particles);
+    fn load(&mut self, particles: Particles);
     /// Bins, and takes from the states whatever a run that starts here would take.
     fn start_frame(&mut self);
     /// Sorts particles into blocks and prepares these blocks' nodes.
@@ -55,7 +55,7 @@ pub trait Stages: Send {
 }
 
 impl<T: Real, const D: usize> Stages for Solver<T, D> {
-    fn load(&mut self, particles: &Particles) {
+    fn load(&mut self, particles: Particles) {
         Solver::load(self, particles);
     }
     fn start_frame(&mut self) {
@@ -102,11 +102,11 @@ impl<T: Real> From<Moves<T>> for Moved {
 }
 
 /// The solver for a problem's dimension and precision, loaded with its particles.
-pub fn stages(problem: &Problem) -> Box<dyn Stages> {
-    match (problem.dimension, problem.precision) {
-        (2, Precision::F32) => Box::new(Solver::<f32, 2>::new(problem)),
-        (2, Precision::F64) => Box::new(Solver::<f64, 2>::new(problem)),
-        (_, Precision::F32) => Box::new(Solver::<f32, 3>::new(problem)),
-        (_, Precision::F64) => Box::new(Solver::<f64, 3>::new(problem)),
+pub fn stages(setup: &Setup, particles: Particles) -> Box<dyn Stages> {
+    match (setup.dimension, setup.precision) {
+        (2, Precision::F32) => Box::new(Solver::<f32, 2>::new(setup, particles)),
+        (2, Precision::F64) => Box::new(Solver::<f64, 2>::new(setup, particles)),
+        (_, Precision::F32) => Box::new(Solver::<f32, 3>::new(setup, particles)),
+        (_, Precision::F64) => Box::new(Solver::<f64, 3>::new(setup, particles)),
     }
 }

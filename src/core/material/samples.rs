@@ -1,0 +1,43 @@
+//! One material of every law: what comparisons of the laws run over, so that none is forgotten.
+
+use super::parameters::{DruckerPrager, Elastic, Elasticity, Fluid, Material, Nacc, Snow, VonMises};
+
+/// One material of every law, by a match that the compiler keeps complete.
+pub fn samples() -> Vec<Material> {
+    let (density, youngs_modulus, poissons_ratio) = (1000.0, 1e5, 0.3);
+    let elastic = Elastic { density, youngs_modulus, poissons_ratio };
+    let von_mises = |elasticity| {
+        Material::VonMises(VonMises { density, youngs_modulus, poissons_ratio, yield_stress: 2e3, elasticity })
+    };
+    let all = vec![
+        Material::FixedCorotated(elastic.clone()),
+        Material::NeoHookean(elastic.clone()),
+        Material::StvkHencky(elastic),
+        Material::WeaklyCompressibleFluid(Fluid { density, bulk_modulus: 1e5, gamma: 7.15, viscosity: 0.5 }),
+        Material::DruckerPrager(DruckerPrager {
+            density,
+            youngs_modulus,
+            poissons_ratio,
+            friction_angle_degrees: 30.0,
+        }),
+        Material::Nacc(Nacc { density, youngs_modulus, poissons_ratio, m: 2.36, beta: 0.5, xi: 3.0, alpha0: -0.01 }),
+        von_mises(Elasticity::Hencky),
+        von_mises(Elasticity::FixedCorotated),
+        Material::Snow(Snow {
+            density,
+            youngs_modulus,
+            poissons_ratio,
+            critical_compression: 0.025,
+            critical_stretch: 0.0075,
+            hardening: 10.0,
+        }),
+    ];
+    for material in &all {
+        match material {
+            Material::FixedCorotated(_) | Material::NeoHookean(_) | Material::StvkHencky(_) => {}
+            Material::WeaklyCompressibleFluid(_) | Material::DruckerPrager(_) | Material::Nacc(_) => {}
+            Material::VonMises(_) | Material::Snow(_) => {}
+        }
+    }
+    all
+}

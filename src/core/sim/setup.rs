@@ -1,0 +1,111 @@
+//! A scene made ready to run, in plain numbers: what stays the same during a run, and the particles at time 0.
+
+use rayon::prelude::*;
+
+use super::collider::Collider;
+pub use super::contact::{Contact, ContactKind};
+use super::particles::{IDENTITY, Particles};
+pub use super::settings::{CoarseSolve, Field, Implicit, Integrator, Kernel, Method, Precision, Smoother, Transfer};
+use super::source::Source;
+use crate::material::initial_plastic_state;
+pub use crate::material::parameters::Material;
+
+/// The two walls of an axis, lower then upper, or none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Axis {
+    Periodic,
+    Walls([Contact; 2]),
+}
+
+/// A body after sampling.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Body {
+    pub name: String,
+    /// Index into [`Setup::materials`].
+    pub material: usize,
+    /// Its particles at time 0; those of a source come later.
+    pub particles: std::ops::Range<usize>,
+    /// Initial volume of one particle (m³; 2D: m²).
+    pub volume0: f64,
+    /// Mass of one particle (kg; 2D: kg/m).
+    pub mass: f64,
+}
+
+/// A scene made ready to run.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    pub setup: Setup,
+    /// State at time 0.
+    pub particles: Particles,
+}
+
+/// What stays the same during a run. It has no particles, so that it is small and may be cloned.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    pub name: String,
+    /// 2 or 3.
+    pub dimension: usize,
+    /// Grid origin, `domain.min` (m).
+    pub origin: [f64; 3],
+    pub dx: f64,
+    /// Cells per axis; 1 on z in 2D.
+    pub cells: [usize; 3],
+    pub axes: [Axis; 3],
+    pub gravity: [f64; 3],
+    pub materials: Vec<Material>,
+    pub bodies: Vec<Body>,
+    pub sources: Vec<Source>,
+    pub colliders: Vec<Collider>,
+    pub kernel: Kernel,
+    pub transfer: Transfer,
+    pub precision: Precision,
+    /// A particle may move at most this share of dx in a step.
+    pub cfl: f64,
+    pub max_dt_s: Option<f64>,
+    /// Explicit or implicit; what `auto` stands for has been decided.
+    pub integrator: Integrator,
+    /// Why that one, in a sentence.
+    pub integrator_reason: String,
+    pub implicit: Implicit,
+    /// Frames after frame 0.
+    pub frames: u32,
+    /// Simulated time between frames (s).
+    pub frame_s: f64,
+    pub fields: Vec<Field>,
+    pub preview_points: usize,
+    pub seed: u64,
+}
+
+impl Setup {
+    /// Particles at time 0.
+    pub fn initial_particles(&self) -> usize {
+        self.bodies.iter().map(|body| body.particles.len()).sum()
+    }
+
+    /// Particles at the end of the run, with all that sources bring.
+    pub fn total_particles(&self) -> usize {
+        self.initial_particles() + self.sources.iter().map(Source::total).sum::<u64>() as usize
+    }
+
+    /// What a backend of this kind (`cpu` or `gpu`) computes in: the implicit integrator on the CPU knows f64 alone.
+    pub fn precision_on(&self, backend: &str) -> Precision {
+        if self.integrator == Integrator::Implicit && backend == "cpu" { Precision::F64 } else { self.precision }
+    }
+
+    /// What the sources put in at the start of a frame; frame 0 begins at time 0. Their ids follow those that are there.
+    pub fn emission(&self, frame: u32) -> Particles {
+        let mut new = Particles::default();
+        for source in self.sources.iter().filter(|s| s.by_frame.get(frame as usize).is_some_and(|&n| n > 0)) {
+            let material = &self.materials[self.bodies[source.body].material];
+            let mut x: Vec<[f64; 3]> = source.entering(frame).collect();
+            new.x.append(&mut x);
+            let count = new.x.len();
+            new.v.resize(count, source.velocity);
+            new.b.resize(count, [0.0; 9]);
+            new.f.resize(count, IDENTITY);
+            new.plastic.resize(count, initial_plastic_state(material));
+            new.body.resize(count, source.body as u32);
+        }
+        new
+    }
+}

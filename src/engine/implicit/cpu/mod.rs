@@ -1,0 +1,5 @@
+//! The implicit engine on the CPU.
+
+mod engine;
+
+pub use engine::ImplicitEngine;

@@ -1,0 +1,199 @@
+//! The minimisation of a step: L-BFGS around one V-cycle (HOT algorithm 3). The device decides, the host reads one small state an iteration.
+
+use super::hierarchy::Hierarchy;
+use super::kernels::{Pipelines, Program, Tools};
+use super::layout::{self, ACCEPTED, BROKEN, DROPPED, INDEFINITE};
+use super::lbfgs::Lbfgs;
+use crate::contract::{EngineError, Solve};
+use crate::explicit::gpu::readback::read;
+use crate::gpu::device::Gpu;
+use crate::implicit::gpu::interface::{Evaluate, System};
+use crate::implicit::solver::lbfgs::outlived;
+use gridfall_core::sim::settings::Implicit;
+use gridfall_core::sim::setup::Kernel;
+
+/// Tries of the line search that are recorded at once: nearly always the first does.
+const TRIES: u32 = 2;
+/// Halvings before a direction is given up: 2⁻²⁴ of it is a rounding.
+const MAX_HALVINGS: u32 = 24;
+/// Part of E that it must fall by to count as progress: more than the roundings of its sum.
+const PROGRESS: f64 = 32.0 * f32::EPSILON as f64;
+/// Iterations without progress in energy or residual after which rounding is all that is left.
+const STALLED: u32 = 8;
+/// More than any spectrum of a block-scaled matrix needs.
+const MAX_STRETCH: f32 = 256.0;
+
+/// Minimises the objectives of one scene's steps, and keeps device memory from one to the next.
+pub struct Minimiser {
+    pipelines: Pipelines,
+    settings: Implicit,
+    hierarchy: Option<Hierarchy>,
+    lbfgs: Option<Lbfgs>,
+}
+
+impl Minimiser {
+    pub fn new(kernel: Kernel, settings: Implicit) -> Self {
+        Self { pipelines: Pipelines::new(kernel), settings, hierarchy: None, lbfgs: None }
+    }
+
+    /// From `system.dv` to the minimum, there. Time and step of the result are the engine's to fill in; its residual is infinite if the
+    /// objective is not finite at the start. Where rounding keeps the residual above the tolerance, the result says so: not converged, and
+    /// the residual that was reached.
+    ///
+    /// Errors: [`EngineError::Capacity`] when the hierarchy does not fit the device, [`EngineError::DeviceLost`].
+    pub fn minimise(&mut self, gpu: &Gpu, system: &System, evaluate: &dyn Evaluate) -> Result<Solve, EngineError> {
+        let mut solve = Solve { levels: 1, ..Solve::default() };
+        if system.rows == 0 {
+            solve.converged = true;
+            return Ok(solve);
+        }
+        let tools = Tools { gpu, pipelines: &self.pipelines };
+        let spare = self.hierarchy.take();
+        let hierarchy = self.hierarchy.insert(Hierarchy::new(tools, system, &self.settings, spare)?);
+        let mut lbfgs = match self.lbfgs.take() {
+            Some(old) if old.stride == system.stride => old,
+            _ => Lbfgs::new(gpu, system.stride),
+        };
+        lbfgs.clear();
+        let mut run = Run { tools, system, evaluate, hierarchy, lbfgs };
+        let outcome = run.descend(&self.settings, &mut solve);
+        self.lbfgs = Some(run.lbfgs);
+        outcome?;
+        Ok(solve)
+    }
+}
+
+/// One minimisation.
+struct Run<'a> {
+    tools: Tools<'a>,
+    system: &'a System,
+    evaluate: &'a dyn Evaluate,
+    hierarchy: &'a Hierarchy,
+    lbfgs: Lbfgs,
+}
+
+impl Run<'_> {
+    fn descend(&mut self, settings: &Implicit, solve: &mut Solve) -> Result<(), EngineError> {
+        let residual = |state: &layout::State| (f64::from(state.residual2) / f64::from(self.system.rows)).sqrt();
+        let energy = |state: &layout::State| f64::from(state.energy[0]) + f64::from(state.energy[1]);
+        solve.levels = self.hierarchy.levels.len() as u32;
+        solve.nonzeros = u64::from(self.hierarchy.nonzeros);
+        let mut at = self.start()?;
+        if at.flags & BROKEN != 0 {
+            solve.residual = f64::INFINITY;
+            return Ok(());
+        }
+        solve.residual = residual(&at);
+        let (mut least, mut stalled, mut stretch) = (solve.residual, 0, 1.0);
+        let (mut age, mut replaced) = (0, 0);
+        loop {
+            solve.converged = solve.residual <= settings.tolerance;
+            if solve.converged || solve.iterations >= settings.max_iterations || stalled >= STALLED {
+                return Ok(());
+            }
+            if settings.rebuild && outlived(age, replaced, solve.residual / settings.tolerance) {
+                self.rebuild()?;
+                if replaced == 0 {
+                    self.lbfgs.clear();
+                }
+                (age, replaced) = (0, replaced + 1);
+            }
+            age += 1;
+            solve.iterations += 1;
+            solve.inner_iterations += 1;
+            let next = self.iterate()?;
+            solve.halvings += next.halvings;
+            if next.flags & ACCEPTED == 0 {
+                // The next direction is more cautious, as long as there is one.
+                if self.lbfgs.clear() {
+                    continue;
+                }
+                stretch *= 2.0;
+                if next.flags & INDEFINITE == 0 || stretch > MAX_STRETCH {
+                    return Ok(());
+                }
+                self.hierarchy.set_stretch(self.tools, stretch);
+                self.hierarchy.polynomials.submit(self.tools.gpu)?;
+                continue;
+            }
+            if next.flags & DROPPED == 0 {
+                self.lbfgs.keep();
+            }
+            solve.residual = residual(&next);
+            let progress = energy(&at) - energy(&next) > PROGRESS * energy(&at).abs() || solve.residual < least;
+            stalled = if progress { 0 } else { stalled + 1 };
+            least = least.min(solve.residual);
+            at = next;
+        }
+    }
+
+    /// Evaluates at the start, with the matrices there.
+    fn start(&self) -> Result<layout::State, EngineError> {
+        let Tools { gpu, .. } = self.tools;
+        self.evaluate_anew(Some(&self.lbfgs.adopt(self.tools, self.system, self.hierarchy)))?;
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(&self.system.gradient, 0, &self.lbfgs.g, 0, None);
+        gpu.queue.submit([encoder.finish()]);
+        self.state()
+    }
+
+    /// Makes the matrices anew where the minimisation stands.
+    fn rebuild(&self) -> Result<(), EngineError> {
+        self.evaluate_anew(None)
+    }
+
+    fn evaluate_anew(&self, then: Option<&Program>) -> Result<(), EngineError> {
+        let (gpu, system) = (self.tools.gpu, self.system);
+        gpu.queue.write_buffer(&system.control, 0, &[0; 16]);
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(&system.dv, 0, &system.trial, 0, None);
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            self.evaluate.record(&mut pass);
+            self.evaluate.record_hessian(&mut pass);
+            self.hierarchy.matrices.record(&mut pass);
+            if let Some(program) = then {
+                program.record(&mut pass);
+            }
+        }
+        gpu.queue.submit([encoder.finish()]);
+        gpu.check()
+    }
+
+    /// A direction, a line search along it, and the step.
+    fn iterate(&self) -> Result<layout::State, EngineError> {
+        let (tools, system, hierarchy, lbfgs) = (self.tools, self.system, self.hierarchy, &self.lbfgs);
+        let finest = &hierarchy.levels[0];
+        let attempt = lbfgs.attempt(tools, system, hierarchy);
+        let judge = lbfgs.judge(tools, system, hierarchy);
+        let step = lbfgs.step(tools, system, finest);
+        let mut backward = Some(lbfgs.backward(tools, finest));
+        let turn = lbfgs.forward(tools, system, hierarchy);
+        loop {
+            let mut encoder = tools.gpu.device.create_command_encoder(&Default::default());
+            {
+                let mut pass = encoder.begin_compute_pass(&Default::default());
+                if let Some(backward) = backward.take() {
+                    backward.record(&mut pass);
+                    hierarchy.cycle.record(&mut pass);
+                    turn.record(&mut pass);
+                }
+                for _ in 0..TRIES {
+                    attempt.record(&mut pass);
+                    self.evaluate.record(&mut pass);
+                    judge.record(&mut pass);
+                }
+                step.record(&mut pass);
+            }
+            tools.gpu.queue.submit([encoder.finish()]);
+            let state = self.state()?;
+            if state.flags & (ACCEPTED | INDEFINITE) != 0 || state.halvings >= MAX_HALVINGS {
+                return Ok(state);
+            }
+        }
+    }
+
+    fn state(&self) -> Result<layout::State, EngineError> {
+        Ok(read(self.tools.gpu, &self.lbfgs.state, 1)?[0])
+    }
+}

@@ -1,0 +1,287 @@
+//! Whole minimisations against Newton's method in f64: E = ½ Δvᵀ A Δv − bᵀΔv + ¼ κ Σ m_i |Δv_i|⁴ with the matrix of a step.
+
+use nalgebra::{DMatrix, DVector, Matrix3};
+
+use super::minimiser::Minimiser;
+use super::problem_tests::{KERNELS, Sample, gpu, read_field, scene, write_field};
+use crate::explicit::gpu::readback::read;
+use crate::gpu::device::Gpu;
+use crate::implicit::gpu::interface::{Evaluate, System};
+use gridfall_core::sim::settings::{Implicit, Smoother};
+use gridfall_core::sim::setup::Kernel;
+
+macro_rules! wgsl {
+    ($name:literal) => {
+        include_str!(concat!("../../../../../wgsl/implicit/linear/", $name, ".wgsl"))
+    };
+}
+
+/// ∇E and partial sums of E. Rows as in product.wgsl.
+const GRADIENT: &str = "
+@group(0) @binding(0) var<uniform> level: Level;
+@group(0) @binding(1) var<storage, read> columns: array<u32>;
+@group(0) @binding(2) var<storage, read> values: array<f32>;
+@group(0) @binding(3) var<storage, read> freedoms: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> b: array<f32>;
+@group(0) @binding(5) var<storage, read> kappa: f32;
+@group(0) @binding(6) var<storage, read> control: array<u32, 4>;
+@group(0) @binding(7) var<storage, read> x: array<f32>;
+@group(0) @binding(8) var<storage, read_write> gradient: array<f32>;
+@group(0) @binding(9) var<storage, read_write> sums: array<f32>;
+@group(0) @binding(10) var<storage, read> masses: array<f32>;
+
+fn gathered(row: u32) -> vec3<f32> {
+    return vec3<f32>(x[row], x[level.stride + row], x[2u * level.stride + row]);
+}
+
+@compute @workgroup_size(256)
+fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let n = level.stride;
+    let row = group.x * ROWS + lane % ROWS;
+    let wanted = row < level.rows && control[0] == 0u;
+    let ax = product(row, lane, wanted);
+    var own = 0.0;
+    if (lane < ROWS && wanted) {
+        let v = gathered(row);
+        let quartic = kappa * masses[row];
+        let f = vec3<f32>(b[row], b[n + row], b[2u * n + row]);
+        let g = projected(freedoms[row], ax - f + quartic * dot(v, v) * v);
+        for (var a = 0u; a < 3u; a++) {
+            gradient[a * n + row] = g[a];
+        }
+        own = dot(v, 0.5 * ax - f) + 0.25 * quartic * dot(v, v) * dot(v, v);
+    }
+    let total = summed(lane, own);
+    if (lane == 0u && control[0] == 0u) {
+        sums[group.x] = total;
+    }
+}
+";
+
+const ENERGY: &str = "
+@group(0) @binding(0) var<uniform> level: Level;
+@group(0) @binding(1) var<storage, read> sums: array<f32>;
+@group(0) @binding(2) var<storage, read_write> energy: vec2<f32>;
+
+@compute @workgroup_size(256)
+fn main(@builtin(local_invocation_index) lane: u32) {
+    var own = 0.0;
+    for (var k = lane; 32u * k < level.rows; k += 256u) {
+        own += sums[k];
+    }
+    let total = summed(lane, own);
+    if (lane == 0u) {
+        energy = vec2<f32>(total, 0.0);
+    }
+}
+";
+
+struct Quartic {
+    stages: Vec<(wgpu::ComputePipeline, wgpu::BindGroup, u32)>,
+}
+
+impl Quartic {
+    fn new(gpu: &Gpu, system: &System, b: &DVector<f64>, kappa: f32) -> Self {
+        let stencil = match system.kernel {
+            Kernel::Quadratic => wgsl!("stencil_quadratic"),
+            _ => wgsl!("stencil_compact"),
+        };
+        let shape = super::layout::Level {
+            rows: system.rows,
+            stride: system.stride,
+            blocks: [1; 3],
+            grids: 1,
+            ..Default::default()
+        };
+        let buffer = |label: &str, size: usize| super::level::buffer(gpu, label, size as u64);
+        let stride = system.stride as usize;
+        let [uniform, force, factor, sums] =
+            [("shape", size_of_val(&shape)), ("b", 12 * stride), ("kappa", 16), ("sums", stride)]
+                .map(|(l, n)| buffer(l, n));
+        gpu.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&shape));
+        gpu.queue.write_buffer(&factor, 0, bytemuck::bytes_of(&kappa));
+        write_field(gpu, &force, stride, b);
+        let stage = |parts: &[&str], buffers: &[&wgpu::Buffer], groups: u32| {
+            let pipeline = gpu.compile("quartic", &parts.join("\n"), &[], &[]);
+            let entries: Vec<_> = buffers
+                .iter()
+                .enumerate()
+                .map(|(k, b)| wgpu::BindGroupEntry { binding: k as u32, resource: b.as_entire_binding() })
+                .collect();
+            let bind = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: None,
+                layout: &pipeline.get_bind_group_layout(0),
+                entries: &entries,
+            });
+            (pipeline, bind, groups)
+        };
+        let rows = system.rows.div_ceil(32);
+        let (values, freedoms) = (&system.values, &system.freedoms);
+        let bound = [
+            &uniform,
+            &system.columns,
+            values,
+            freedoms,
+            &force,
+            &factor,
+            &system.control,
+            &system.trial,
+            &system.gradient,
+            &sums,
+            &system.masses,
+        ];
+        let parts = [wgsl!("level"), stencil, wgsl!("freedom"), wgsl!("product"), wgsl!("reduce"), GRADIENT];
+        let gradient = stage(&parts, &bound, rows);
+        let energy = stage(&[wgsl!("level"), wgsl!("reduce"), ENERGY], &[&uniform, &sums, &system.energy], 1);
+        Self { stages: vec![gradient, energy] }
+    }
+}
+
+impl Evaluate for Quartic {
+    fn record(&self, pass: &mut wgpu::ComputePass) {
+        for (pipeline, bind, groups) in &self.stages {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, bind, &[]);
+            pass.dispatch_workgroups(*groups, 1, 1);
+        }
+    }
+
+    /// A is there already; what κ adds to it is left out, so that there is something to learn on the way.
+    fn record_hessian(&self, _: &mut wgpu::ComputePass) {}
+}
+
+/// Within f32's reach up to this contrast; from 1e8 Pa on the compact pair's noise floor lies above, at 2e-8.
+const TOLERANCE: f64 = 1e-8;
+
+/// One problem with its solution.
+struct Case {
+    sample: Sample,
+    system: System,
+    evaluate: Quartic,
+    matrix: DMatrix<f64>,
+    b: DVector<f64>,
+    kappa: f64,
+}
+
+impl Case {
+    fn new(gpu: &Gpu, kernel: Kernel, stiff_pa: f64, kappa: f64) -> Self {
+        let sample = Sample::new(&scene(kernel, false, stiff_pa));
+        let system = sample.upload(gpu);
+        // Forces that bend and stretch: an acceleration that varies over some cells.
+        let mut b = DVector::zeros(3 * sample.rows());
+        for (i, (id, s)) in sample.ids.iter().zip(&sample.projections()).enumerate() {
+            let [x, y, z] = id.index.map(f64::from);
+            let push = nalgebra::Vector3::new((0.7 * x + y).sin(), (0.5 * x).cos(), (0.4 * x - 0.3 * z).sin());
+            let value = s * push * (0.2 * sample.masses[i]);
+            b.rows_mut(3 * i, 3).copy_from(&value.map(|x| f64::from(x as f32)));
+        }
+        let evaluate = Quartic::new(gpu, &system, &b, kappa as f32);
+        let matrix = sample.dense_matrix();
+        Self { sample, system, evaluate, matrix, b, kappa }
+    }
+
+    /// ∇E, and what it is of E's Hessian beside A.
+    fn gradient(&self, x: &DVector<f64>) -> (DVector<f64>, DMatrix<f64>) {
+        let mut g = &self.matrix * x - &self.b;
+        let mut h = DMatrix::zeros(x.len(), x.len());
+        for (i, s) in self.sample.projections().iter().enumerate() {
+            let kappa = self.kappa * self.sample.masses[i];
+            let v: nalgebra::Vector3<f64> = x.fixed_rows::<3>(3 * i).into();
+            let value = s * (g.fixed_rows::<3>(3 * i) + kappa * v.norm_squared() * v);
+            g.fixed_rows_mut::<3>(3 * i).copy_from(&value);
+            let block = kappa * (v.norm_squared() * Matrix3::identity() + 2.0 * v * v.transpose());
+            h.fixed_view_mut::<3, 3>(3 * i, 3 * i).copy_from(&(s * block * s));
+        }
+        (g, h)
+    }
+
+    fn residual(&self, x: &DVector<f64>) -> f64 {
+        let g = self.gradient(x).0;
+        let n = self.sample.rows();
+        let sum: f64 = (0..n).map(|i| g.rows(3 * i, 3).norm_squared() / self.sample.scales[i].powi(2)).sum();
+        (sum / n as f64).sqrt()
+    }
+
+    /// Newton's method from the start.
+    fn solution(&self) -> DVector<f64> {
+        let mut x = super::problem_tests::dense(&self.sample.start);
+        for _ in 0..30 {
+            if self.residual(&x) < 1e-13 {
+                return x;
+            }
+            let (g, h) = self.gradient(&x);
+            x -= (&self.matrix + h).cholesky().expect("positive definite").solve(&g);
+        }
+        panic!("Newton's method does not converge: {:e}", self.residual(&x))
+    }
+
+    /// Of two velocity increments over the second, in the energy norm of A.
+    fn distance(&self, x: &DVector<f64>, y: &DVector<f64>) -> f64 {
+        let norm = |x: &DVector<f64>| x.dot(&(&self.matrix * x)).sqrt();
+        norm(&(x - y)) / norm(y)
+    }
+
+    fn run(&self, gpu: &Gpu, minimiser: &mut Minimiser) -> (DVector<f64>, crate::contract::Solve) {
+        let stride = self.system.stride as usize;
+        write_field(gpu, &self.system.dv, stride, &super::problem_tests::dense(&self.sample.start));
+        let solve = minimiser.minimise(gpu, &self.system, &self.evaluate).unwrap();
+        (read_field(gpu, &self.system.dv, stride, self.sample.rows()), solve)
+    }
+}
+
+#[test]
+fn minima_are_newtons_and_repeatable() {
+    let gpu = gpu();
+    for kernel in KERNELS {
+        for smoother in [Smoother::Chebyshev, Smoother::GaussSeidel] {
+            let settings = Implicit { smoother, tolerance: TOLERANCE, ..Implicit::default() };
+            let mut minimiser = Minimiser::new(kernel, settings);
+            for (stiff_pa, kappa) in [(1e6, 0.0), (1e7, 0.01)] {
+                let case = Case::new(&gpu, kernel, stiff_pa, kappa);
+                let (x, solve) = case.run(&gpu, &mut minimiser);
+                let solution = case.solution();
+                println!(
+                    "{kernel:?} {smoother:?} {stiff_pa:e} κ {kappa:e}: {solve:?}, off by {:e}",
+                    case.distance(&x, &solution)
+                );
+                assert!(solve.converged && solve.residual <= TOLERANCE);
+                // The device's own view of its residual is that of f64, to the roundings of its gradient.
+                assert!(case.residual(&x) < 1.5 * TOLERANCE, "{:e}", case.residual(&x));
+                // ε bounds forces; soft modes have little of them.
+                assert!(case.distance(&x, &solution) < 0.1);
+                // Sweeps need more as stiffness grows, as published; the polynomial does not.
+                assert!(smoother == Smoother::GaussSeidel || solve.iterations < 25);
+                let (again, same) = case.run(&gpu, &mut minimiser);
+                assert!(again == x && same == solve, "twice the same");
+            }
+        }
+    }
+}
+
+#[test]
+fn rounding_ends_the_loop_and_is_owned_up_to() {
+    let gpu = gpu();
+    let case = Case::new(&gpu, Kernel::Quadratic, 1e8, 0.1);
+    let mut minimiser = Minimiser::new(Kernel::Quadratic, Implicit { tolerance: 1e-14, ..Implicit::default() });
+    let (x, solve) = case.run(&gpu, &mut minimiser);
+    println!("{solve:?}, in f64 {:e}", case.residual(&x));
+    assert!(!solve.converged && solve.residual > 1e-14);
+    assert!(solve.iterations < 60, "stops where rounding is all that is left");
+    assert!(case.residual(&x) < 1e-7);
+}
+
+#[test]
+fn a_limit_on_iterations_and_a_start_that_is_not_finite() {
+    let gpu = gpu();
+    let case = Case::new(&gpu, Kernel::Quadratic, 1e8, 0.1);
+    let mut minimiser = Minimiser::new(Kernel::Quadratic, Implicit { max_iterations: 2, ..Implicit::default() });
+    let (_, solve) = case.run(&gpu, &mut minimiser);
+    assert!(!solve.converged && solve.iterations == 2 && solve.inner_iterations == 2 && solve.levels == 3, "{solve:?}");
+    let stride = case.system.stride as usize;
+    let far = DVector::from_element(3 * case.sample.rows(), 1e12);
+    write_field(&gpu, &case.system.dv, stride, &far);
+    let solve = minimiser.minimise(&gpu, &case.system, &case.evaluate).unwrap();
+    assert!(!solve.converged && solve.residual.is_infinite() && solve.iterations == 0, "{solve:?}");
+    let control: Vec<u32> = read(&gpu, &case.system.control, 4).unwrap();
+    assert_eq!(control[0], 0);
+}

@@ -1,0 +1,18 @@
+//! The implicit step on the device (HOT), 3D, f32; twin of `crate::implicit`. Sums over particles are gathered, never scattered, in an
+//! order that does not depend on scheduling.
+
+mod buffers;
+mod engine;
+pub mod interface;
+pub mod layout;
+pub mod linear;
+mod particles;
+mod pipelines;
+mod readback;
+pub mod shaders;
+mod step;
+
+pub use engine::{GpuImplicitEngine, supports};
+pub(crate) use pipelines::Pipelines;
+pub use readback::{NodeReading, SystemReading};
+pub use step::{Moved, Stepper};

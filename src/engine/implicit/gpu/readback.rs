@@ -1,0 +1,127 @@
+//! Grid, system and objective as the device has them, for comparison with the CPU.
+
+use super::interface::{Evaluate, slots};
+use super::step::Stepper;
+use crate::contract::EngineError;
+use crate::explicit::gpu::readback::read;
+use crate::implicit::solver::objective::{Freedom, NodeId};
+
+/// A node that particles touch.
+#[derive(Clone, Copy, Debug)]
+pub struct NodeReading {
+    pub id: NodeId<3>,
+    /// kg.
+    pub mass: f64,
+    /// m/s, at the step's start.
+    pub velocity: [f64; 3],
+    /// ξ_i (Pa).
+    pub stiffness: f64,
+    /// m/s: where the solver starts, and what is prescribed; after the step, the velocity at its end.
+    pub target: [f64; 3],
+}
+
+/// The system of a step.
+#[derive(Clone, Debug)]
+pub struct SystemReading {
+    pub ids: Vec<NodeId<3>>,
+    pub freedoms: Vec<Freedom<3>>,
+    pub masses: Vec<f64>,
+    pub scales: Vec<f64>,
+    /// Δv (m/s).
+    pub dv: Vec<[f64; 3]>,
+    /// By row and slot.
+    pub columns: Vec<Vec<u32>>,
+    /// By row and slot (kg).
+    pub blocks: Vec<Vec<[[f64; 3]; 3]>>,
+}
+
+impl Stepper {
+    /// The nodes that particles touch. `ended`: after the step's end.
+    pub fn nodes(&self, ended: bool) -> Result<Vec<NodeReading>, EngineError> {
+        let grids = self.buffers.sizes.grids();
+        let n = self.blocks * grids * 64;
+        let get = |name: &str| self.buffers.get(name);
+        let list: Vec<u32> = read(&self.gpu, get("block_list"), self.blocks)?;
+        let node: Vec<[f32; 4]> = read(&self.gpu, get("node"), n)?;
+        let stiffness: Vec<f32> = read(&self.gpu, get("node_scale"), n)?;
+        let target: Vec<[f32; 4]> = read(&self.gpu, get(if ended { "moving" } else { "begin" }), n)?;
+        let small = |v: [f32; 4]| [v[0], v[1], v[2]].map(f64::from);
+        let reading = |at: usize| {
+            let [nx, ny, _] = self.params.blocks;
+            let block = list[at / (64 * grids)];
+            let corner = [block % nx, block / nx % ny, block / (nx * ny)];
+            let local = [at % 4, at / 4 % 4, at / 16 % 4];
+            let index = std::array::from_fn(|a| 4 * corner[a] as i32 + local[a] as i32 - self.params.pad[a]);
+            NodeReading {
+                id: NodeId { grid: (at / 64 % grids) as u8, index },
+                mass: f64::from(node[at][3]),
+                velocity: small(node[at]),
+                stiffness: f64::from(stiffness[at]),
+                target: small(target[at]),
+            }
+        };
+        Ok((0..n).filter(|&at| node[at][3] > 0.0).map(reading).collect())
+    }
+
+    /// The system, with its matrix as the last assembly left it.
+    pub fn system(&self) -> Result<SystemReading, EngineError> {
+        let system = &self.buffers.system;
+        let (n, stride) = (system.rows as usize, system.stride as usize);
+        let slots = slots(system.kernel) as usize;
+        let ids: Vec<[i32; 4]> = read(&self.gpu, &system.ids, n)?;
+        let freedoms: Vec<[f32; 4]> = read(&self.gpu, &system.freedoms, n)?;
+        let masses: Vec<f32> = read(&self.gpu, &system.masses, n)?;
+        let scales: Vec<f32> = read(&self.gpu, &system.scales, n)?;
+        let columns: Vec<u32> = read(&self.gpu, &system.columns, slots * stride)?;
+        let values: Vec<f32> = read(&self.gpu, &system.values, 9 * slots * stride)?;
+        let freedom = |f: &[f32; 4]| {
+            let direction = [f[0], f[1], f[2]].map(f64::from);
+            match f[3] {
+                0.0 => Freedom::Free,
+                1.0 => Freedom::Plane(direction),
+                _ => Freedom::Line(direction),
+            }
+        };
+        let block = |row: usize, slot: usize| -> [[f64; 3]; 3] {
+            std::array::from_fn(|a| std::array::from_fn(|c| f64::from(values[(slot * 9 + 3 * a + c) * stride + row])))
+        };
+        Ok(SystemReading {
+            ids: ids.iter().map(|i| NodeId { grid: i[3] as u8, index: [i[0], i[1], i[2]] }).collect(),
+            freedoms: freedoms.iter().map(freedom).collect(),
+            masses: masses.iter().map(|&m| f64::from(m)).collect(),
+            scales: scales.iter().map(|&s| f64::from(s)).collect(),
+            dv: self.vectors(&system.dv)?,
+            columns: (0..n).map(|row| (0..slots).map(|slot| columns[slot * stride + row]).collect()).collect(),
+            blocks: (0..n).map(|row| (0..slots).map(|slot| block(row, slot)).collect()).collect(),
+        })
+    }
+
+    fn vectors(&self, buffer: &wgpu::Buffer) -> Result<Vec<[f64; 3]>, EngineError> {
+        let (n, stride) = (self.buffers.system.rows as usize, self.buffers.system.stride as usize);
+        let values: Vec<f32> = read(&self.gpu, buffer, 3 * stride)?;
+        Ok((0..n).map(|i| [0, 1, 2].map(|a| f64::from(values[a * stride + i]))).collect())
+    }
+
+    /// Puts Δv (m/s) in the place of the solver's.
+    pub fn set_dv(&self, dv: &[[f64; 3]]) {
+        let stride = self.buffers.system.stride as usize;
+        let mut values = vec![0.0f32; 3 * stride];
+        for (i, v) in dv.iter().enumerate() {
+            (0..3).for_each(|a| values[a * stride + i] = v[a] as f32);
+        }
+        self.gpu.queue.write_buffer(&self.buffers.system.dv, 0, bytemuck::cast_slice(&values));
+    }
+
+    /// The matrix at `dv`.
+    pub fn assemble(&self) {
+        self.submit(|encoder| {
+            self.look_at_dv(encoder);
+            self.record_hessian(&mut encoder.begin_compute_pass(&Default::default()));
+        });
+    }
+
+    /// E (J) and ∇E (kg m/s) at Δv.
+    pub fn evaluate(&self) -> Result<(f64, Vec<[f64; 3]>), EngineError> {
+        Ok((self.energy()?, self.vectors(&self.buffers.system.gradient)?))
+    }
+}

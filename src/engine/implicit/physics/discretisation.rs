@@ -1,0 +1,48 @@
+//! One step's particles, nodes and surfaces: all that its minimisation problem is made of.
+
+use super::boundary::Boundary;
+use super::state::{BodySetup, State, vector};
+use super::topology::Topology;
+use super::transfer::{Node, particles_to_grid};
+use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::setup::Setup;
+
+/// The grid of a step, and the particles in the order of its groups.
+pub struct Discretisation<const D: usize> {
+    pub topology: Topology<D>,
+    pub state: State<D>,
+    /// All nodes; those of the system come first.
+    pub nodes: Vec<Node<D>>,
+    pub boundary: Boundary<D>,
+    /// When the step starts (s).
+    pub time_s: f64,
+    /// Its length (s).
+    pub dt: f64,
+}
+
+impl<const D: usize> Discretisation<D> {
+    /// Of a step of `dt` (s) from `time_s`.
+    pub fn new(setup: &Setup, bodies: &[BodySetup], particles: &Particles, time_s: f64, dt: f64) -> Self {
+        let x: Vec<_> = particles.x.iter().map(vector::<D>).collect();
+        let mut topology = Topology::new(setup, &x, setup.dx);
+        let state = State::sorted(particles, &topology);
+        let mut nodes = particles_to_grid(setup, &topology, &state, bodies);
+        let boundary = Boundary::new(setup, &mut topology, &mut nodes, time_s, dt);
+        Self { topology, state, nodes, boundary, time_s, dt }
+    }
+
+    /// The same particles on a grid of spacing `dx` (m), and where each was in the order of this one.
+    pub fn coarsened(&self, setup: &Setup, bodies: &[BodySetup], dx: f64) -> (Self, Vec<u32>) {
+        let mut topology = Topology::new(setup, &self.state.x, dx);
+        let state = self.state.permuted(&topology.order);
+        let mut nodes = particles_to_grid(setup, &topology, &state, bodies);
+        let boundary = Boundary::new(setup, &mut topology, &mut nodes, self.time_s, self.dt);
+        let order = topology.order.clone();
+        (Self { topology, state, nodes, boundary, time_s: self.time_s, dt: self.dt }, order)
+    }
+
+    /// Nodes of the system.
+    pub fn unknowns(&self) -> usize {
+        self.boundary.freedoms.len()
+    }
+}

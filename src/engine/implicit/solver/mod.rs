@@ -1,0 +1,29 @@
+//! Minimisation of an [`objective::Objective`]: descent with L-BFGS or Newton's method, Krylov solvers, the Galerkin hierarchy and its
+//! V-cycle, ADMM.
+
+mod admm;
+mod cholesky;
+mod coarse;
+mod descent;
+pub mod galerkin;
+mod gauss_seidel;
+pub mod hierarchy;
+pub(crate) mod krylov;
+pub(crate) mod lbfgs;
+mod line_search;
+mod newton;
+pub mod objective;
+pub(crate) mod smoother;
+mod solve;
+pub mod sparse;
+mod spectrum;
+mod tolerance;
+pub mod vcycle;
+pub(crate) mod verbs;
+
+#[cfg(test)]
+mod fixture;
+#[cfg(test)]
+mod tests;
+
+pub use solve::solve;
