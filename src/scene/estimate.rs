@@ -4,7 +4,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use gridfall_core::sim::cost::{self, Prediction};
-use gridfall_core::sim::setup::{Axis, Integrator, Kernel, Material, Problem};
+use gridfall_core::sim::setup::{Axis, Integrator, Kernel, Material, Precision, Problem, Setup};
+use gridfall_core::sim::source::Source;
 use gridfall_core::sim::timestep::Bound;
 
 use crate::memory::{MATRIX_BYTES_PER_PARTICLE, TABLE_BYTES_PER_BLOCK, memory_bytes};
@@ -88,9 +89,9 @@ impl Integration {
     }
 }
 
-fn dt_limits(problem: &Problem, limits: &[(f64, Bound)]) -> Vec<Limit> {
+fn dt_limits(setup: &Setup, limits: &[(f64, Bound)]) -> Vec<Limit> {
     let limit = |&(dt_s, bound): &(f64, Bound)| {
-        let body = bound.body().map(|body| problem.setup.bodies[body].name.clone());
+        let body = bound.body().map(|body| setup.bodies[body].name.clone());
         Limit { rule: bound.name(), body, dt_s }
     };
     limits.iter().map(limit).collect()
@@ -98,80 +99,74 @@ fn dt_limits(problem: &Problem, limits: &[(f64, Bound)]) -> Vec<Limit> {
 
 /// Costs a problem.
 pub fn estimate(problem: &Problem) -> Estimate {
-    let (explicit, implicit) =
-        (cost::explicit(&problem.setup, &problem.particles), cost::implicit(&problem.setup, &problem.particles));
-    let chosen = if problem.setup.integrator == Integrator::Implicit { &implicit } else { &explicit };
+    let Problem { setup, particles } = problem;
+    let (explicit, implicit) = (cost::explicit(setup, particles), cost::implicit(setup, particles));
+    let chosen = if setup.integrator == Integrator::Implicit { &implicit } else { &explicit };
     let plan = chosen.plan;
-    let particles = problem.setup.total_particles() as u64;
-    let blocks = active_blocks(problem) + emitted_blocks(problem);
+    let total = setup.total_particles() as u64;
+    let blocks = active_blocks(setup, &particles.x) + emitted_blocks(setup);
     Estimate {
-        particles,
-        cells: problem.setup.cells,
+        particles: total,
+        cells: setup.cells,
         blocks,
-        host_memory_bytes: memory_bytes(particles, problem.setup.cells.map(|n| n as u64), problem.setup.integrator)
-            + field_bytes(problem),
-        device_memory_bytes: device_memory_bytes(problem, blocks),
-        integrator: problem.setup.integrator,
-        integrator_reason: problem.setup.integrator_reason.clone(),
+        host_memory_bytes: memory_bytes(total, setup.cells.map(|n| n as u64), setup.integrator) + field_bytes(setup),
+        device_memory_bytes: device_memory_bytes(setup, blocks),
+        integrator: setup.integrator,
+        integrator_reason: setup.integrator_reason.clone(),
         explicit: Integration::of(&explicit),
-        implicit: cost::implicit_fault(&problem.setup).is_none().then(|| Integration::of(&implicit)),
+        implicit: cost::implicit_fault(setup).is_none().then(|| Integration::of(&implicit)),
         dt_s: plan.dt_s,
         dt_bound: plan.bound.name(),
-        dt_reason: plan.bound.explain(&problem.setup),
-        dt_limits: dt_limits(problem, &chosen.limits),
+        dt_reason: plan.bound.explain(setup),
+        dt_limits: dt_limits(setup, &chosen.limits),
         steps_per_frame: plan.steps,
-        frames: problem.setup.frames,
+        frames: setup.frames,
         steps: chosen.steps,
         particle_steps: chosen.particle_steps,
-        simulated_s: f64::from(problem.setup.frames) * problem.setup.frame_s,
+        simulated_s: f64::from(setup.frames) * setup.frame_s,
     }
 }
 
-fn device_memory_bytes(problem: &Problem, blocks: u64) -> Option<u64> {
-    let grids = match problem.setup.kernel {
+fn device_memory_bytes(setup: &Setup, blocks: u64) -> Option<u64> {
+    let grids = match setup.kernel {
         Kernel::Compact => 2,
         Kernel::Quadratic => 1,
         Kernel::Cubic | Kernel::Linear => return None,
     };
     let channels = |m: &Material| (if m.is_fluid() { 1 } else { 9 }) + u64::from(m.has_plastic_state());
-    let channels =
-        problem.setup.bodies.iter().map(|b| channels(&problem.setup.materials[b.material])).max().unwrap_or(1);
-    let table: u64 = problem.setup.cells.iter().map(|&n| n.div_ceil(4) as u64).product();
+    let channels = setup.bodies.iter().map(|b| channels(&setup.materials[b.material])).max().unwrap_or(1);
+    let table: u64 = setup.cells.iter().map(|&n| n.div_ceil(4) as u64).product();
     let particle = DEVICE_BYTES_PER_PARTICLE + 4 * channels * DEFORMATION_COPIES;
     let nodes = blocks * BLOCK_CELLS * grids;
-    let on_device =
-        problem.setup.dimension == 3 && problem.setup.precision == gridfall_core::sim::setup::Precision::F32;
-    let particles = problem.setup.total_particles() as u64 * particle;
+    let on_device = setup.dimension == 3 && setup.precision == Precision::F32;
+    let particles = setup.total_particles() as u64 * particle;
     // f32 takes half of what the host's matrices take.
-    let matrices = match problem.setup.integrator {
-        Integrator::Implicit => problem.setup.total_particles() as u64 * MATRIX_BYTES_PER_PARTICLE / 2,
+    let matrices = match setup.integrator {
+        Integrator::Implicit => setup.total_particles() as u64 * MATRIX_BYTES_PER_PARTICLE / 2,
         _ => 0,
     };
-    on_device.then(|| particles + matrices + table * TABLE_BYTES_PER_BLOCK + nodes * NODE_BYTES + field_bytes(problem))
+    on_device.then(|| particles + matrices + table * TABLE_BYTES_PER_BLOCK + nodes * NODE_BYTES + field_bytes(setup))
 }
 
 /// Blocks that sources will fill: the volume that they bring at rest, and as many beside it.
-fn emitted_blocks(problem: &Problem) -> u64 {
-    let block = (4.0 * problem.setup.dx).powi(problem.setup.dimension as i32);
-    let volume =
-        |source: &gridfall_core::sim::source::Source| source.total() as f64 * problem.setup.bodies[source.body].volume0;
-    (2.0 * problem.setup.sources.iter().map(volume).sum::<f64>() / block).ceil() as u64
+fn emitted_blocks(setup: &Setup) -> u64 {
+    let block = (4.0 * setup.dx).powi(setup.dimension as i32);
+    let volume = |source: &Source| source.total() as f64 * setup.bodies[source.body].volume0;
+    (2.0 * setup.sources.iter().map(volume).sum::<f64>() / block).ceil() as u64
 }
 
 /// Memory of the colliders' sampled distances (bytes).
-fn field_bytes(problem: &Problem) -> u64 {
-    problem.setup.colliders.iter().flat_map(|collider| collider.sdf.fields()).map(|(field, _)| field.bytes()).sum()
+fn field_bytes(setup: &Setup) -> u64 {
+    setup.colliders.iter().flat_map(|collider| collider.sdf.fields()).map(|(field, _)| field.bytes()).sum()
 }
 
 /// Blocks with particles and all their neighbours.
-fn active_blocks(problem: &Problem) -> u64 {
+fn active_blocks(setup: &Setup, positions: &[[f64; 3]]) -> u64 {
     let key = |b: [i64; 3]| b.iter().fold(0u64, |key, b| key << 21 | (b + 1) as u64);
     let block = |x: &[f64; 3]| -> [i64; 3] {
-        std::array::from_fn(|a| ((x[a] - problem.setup.origin[a]) / (4.0 * problem.setup.dx)).floor() as i64)
+        std::array::from_fn(|a| ((x[a] - setup.origin[a]) / (4.0 * setup.dx)).floor() as i64)
     };
-    let mut occupied: Vec<[i64; 3]> = problem
-        .particles
-        .x
+    let mut occupied: Vec<[i64; 3]> = positions
         .par_chunks(1 << 14)
         .flat_map_iter(|xs| {
             let mut blocks: Vec<[i64; 3]> = xs.iter().map(block).collect();
@@ -182,9 +177,9 @@ fn active_blocks(problem: &Problem) -> u64 {
         .collect();
     occupied.par_sort_unstable();
     occupied.dedup();
-    let reach = |a: usize| if a < problem.setup.dimension { -1..=1 } else { 0..=0 };
-    let wrap = |a: usize, b: i64| match problem.setup.axes[a] {
-        Axis::Periodic => b.rem_euclid(problem.setup.cells[a] as i64 / 4),
+    let reach = |a: usize| if a < setup.dimension { -1..=1 } else { 0..=0 };
+    let wrap = |a: usize, b: i64| match setup.axes[a] {
+        Axis::Periodic => b.rem_euclid(setup.cells[a] as i64 / 4),
         Axis::Walls(_) => b,
     };
     let mut active: Vec<u64> = occupied
