@@ -1,28 +1,28 @@
-//! What a run will cost: particles, active blocks, memory, step and steps.
-
-use rayon::prelude::*;
-use serde::Serialize;
+//! What a run will cost: particles, active blocks, memory, time step and number of steps.
 
 use gridfall_core::sim::cost::{self, Prediction};
 use gridfall_core::sim::setup::{Axis, Integrator, Kernel, Material, Precision, Problem, Setup};
 use gridfall_core::sim::source::Source;
 use gridfall_core::sim::timestep::Bound;
+use rayon::prelude::*;
+use serde::Serialize;
 
 use crate::memory::{MATRIX_BYTES_PER_PARTICLE, TABLE_BYTES_PER_BLOCK, memory_bytes};
 
-/// Device memory a particle (bytes) without its deformation: two positions, binning, the frame's positions and velocities.
+/// Device memory per particle (bytes) without its deformation: two positions, binning, and the
+/// positions and velocities of a frame.
 const DEVICE_BYTES_PER_PARTICLE: u64 = 112;
 /// Copies of the deformation on the device.
 const DEFORMATION_COPIES: u64 = 3;
 /// Cells of a block of the sparse grid.
 const BLOCK_CELLS: u64 = 64;
-/// Two grid buffers of four channels in f32 (bytes a node).
+/// Two grid buffers of four channels in f32 (bytes per node).
 const NODE_BYTES: u64 = 32;
 
 /// The cost of a run, from its state at time 0.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Estimate {
-    /// At the end: with all that sources bring.
+    /// At the end of the run, with everything that sources emit.
     pub particles: u64,
     /// Cells of the domain on each axis.
     pub cells: [usize; 3],
@@ -30,7 +30,8 @@ pub struct Estimate {
     pub blocks: u64,
     /// Host memory of a run on the CPU (bytes).
     pub host_memory_bytes: u64,
-    /// Device memory of a run on a GPU (bytes); absent when the scene needs what GPUs here do not do.
+    /// Device memory of a run on a GPU (bytes); absent if the scene needs what the GPU engine
+    /// cannot do.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device_memory_bytes: Option<u64>,
     /// How the run is integrated: explicit or implicit.
@@ -39,23 +40,23 @@ pub struct Estimate {
     pub integrator_reason: String,
     /// What explicit integration is predicted to cost.
     pub explicit: Integration,
-    /// What implicit integration is predicted to cost; absent where a material has none.
+    /// What implicit integration is predicted to cost; absent if a material does not support it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub implicit: Option<Integration>,
     /// Step at time 0 (s).
     pub dt_s: f64,
     /// Stable name of the rule that set the step.
     pub dt_bound: &'static str,
-    /// The same in words, and what would lengthen the step.
+    /// The same in words, and what would allow a longer step.
     pub dt_reason: String,
-    /// All rules and the step that each allows (s), the ruling one first.
+    /// All rules and the step that each allows (s), the strictest first.
     pub dt_limits: Vec<Limit>,
     pub steps_per_frame: u64,
     /// Frames after frame 0.
     pub frames: u32,
     /// Steps of the whole run, if the step stays as it is.
     pub steps: u64,
-    /// Particles times steps, which run time is proportional to.
+    /// Particles times steps; run time is proportional to it.
     pub particle_steps: f64,
     /// End of the run (s of simulated time).
     pub simulated_s: f64,
@@ -66,7 +67,7 @@ pub struct Estimate {
 pub struct Limit {
     /// Stable name.
     pub rule: &'static str,
-    /// The body that it is about, if it is about one.
+    /// The body that it applies to, if it applies to one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
     pub dt_s: f64,
@@ -79,7 +80,8 @@ pub struct Integration {
     pub dt_s: f64,
     /// Steps of the whole run, if the step stays as it is.
     pub steps: u64,
-    /// Wall time that is typical of two cores of a server (s); the ratio of both ways holds for other devices.
+    /// Wall time typical of two cores of a server (s); the ratio of the two ways holds for other
+    /// devices as well.
     pub two_cores_s: f64,
 }
 
@@ -97,7 +99,7 @@ fn dt_limits(setup: &Setup, limits: &[(f64, Bound)]) -> Vec<Limit> {
     limits.iter().map(limit).collect()
 }
 
-/// Costs a problem.
+/// Estimates the cost of a problem.
 pub fn estimate(problem: &Problem) -> Estimate {
     let Problem { setup, particles } = problem;
     let (explicit, implicit) = (cost::explicit(setup, particles), cost::implicit(setup, particles));
@@ -140,7 +142,7 @@ fn device_memory_bytes(setup: &Setup, blocks: u64) -> Option<u64> {
     let nodes = blocks * BLOCK_CELLS * grids;
     let on_device = setup.dimension == 3 && setup.precision == Precision::F32;
     let particles = setup.total_particles() as u64 * particle;
-    // f32 takes half of what the host's matrices take.
+    // In f32, matrices take half of the memory that they take on the host.
     let matrices = match setup.integrator {
         Integrator::Implicit => setup.total_particles() as u64 * MATRIX_BYTES_PER_PARTICLE / 2,
         _ => 0,
@@ -148,7 +150,8 @@ fn device_memory_bytes(setup: &Setup, blocks: u64) -> Option<u64> {
     on_device.then(|| particles + matrices + table * TABLE_BYTES_PER_BLOCK + nodes * NODE_BYTES + field_bytes(setup))
 }
 
-/// Blocks that sources will fill: the volume that they bring at rest, and as many beside it.
+/// Blocks that sources will fill: those of the volume that they emit, at rest, and as many adjacent
+/// ones.
 fn emitted_blocks(setup: &Setup) -> u64 {
     let block = (4.0 * setup.dx).powi(setup.dimension as i32);
     let volume = |source: &Source| source.total() as f64 * setup.bodies[source.body].volume0;
@@ -160,7 +163,7 @@ fn field_bytes(setup: &Setup) -> u64 {
     setup.colliders.iter().flat_map(|collider| collider.sdf.fields()).map(|(field, _)| field.bytes()).sum()
 }
 
-/// Blocks with particles and all their neighbours.
+/// The number of blocks with particles and all their neighbours.
 fn active_blocks(setup: &Setup, positions: &[[f64; 3]]) -> u64 {
     let key = |b: [i64; 3]| b.iter().fold(0u64, |key, b| key << 21 | (b + 1) as u64);
     let block = |x: &[f64; 3]| -> [i64; 3] {

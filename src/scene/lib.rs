@@ -3,7 +3,7 @@
 //!
 //! A document passes through `document` (syntax), `overrides`, `structure` (types and fields),
 //! `resolve` (files, sampled shapes), `validate` (meaning) and `build` (sampling). What `resolve`
-//! finds stays beside the document, in a table. Modules use only those above them in this list:
+//! finds stays beside the document, in a table. A module uses only those before it in this list:
 //!
 //! ```text
 //! schema, fault, limits, suggest, vectors, memory
@@ -39,12 +39,12 @@ pub use fault::Fault;
 pub use limits::Limits;
 pub use schema::Scene;
 
+use gridfall_core::sim::cost;
+use gridfall_core::sim::setup::Problem;
 use serde_json::Value;
 
 use assets::{Assets, NoAssets};
 use fault::Faults;
-use gridfall_core::sim::cost;
-use gridfall_core::sim::setup::Problem;
 use resolve::Resolved;
 
 /// Reads a scene: syntax and structure. When the structure is at fault, the meaning of the rest is

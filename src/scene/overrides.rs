@@ -1,10 +1,10 @@
-//! `path=value` changes to a scene document before it is read.
+//! Changes of the form `path=value` to a scene document before it is read.
 
 use serde_json::{Map, Value};
 
 use crate::fault::Fault;
 
-/// Applies overrides in order. All that cannot be applied are faults.
+/// Applies overrides in order. Each one that cannot be applied is a fault.
 ///
 /// An override is `solver.kernel=quadratic`, `bodies.0.velocity=[0,0,1]` or, where a name has dots,
 /// `/materials/wet.sand/density=1800`. Its value is JSON, or a string if it does not parse as JSON.

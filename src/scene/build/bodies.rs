@@ -1,4 +1,4 @@
-//! Bodies of a valid scene: their particles, sampled or from files, and the initial state of those.
+//! The bodies of a valid scene: their particles, sampled or from files, and the initial state.
 
 use gridfall_core::material::initial_plastic_state;
 use gridfall_core::sim::collider::{Sdf, rotate};
@@ -27,9 +27,9 @@ fn fill(setup: &Setup, scene: &Scene, index: usize, sdf: &Sdf) -> (Vec<[f64; 3]>
     (x, volume0)
 }
 
-/// Adds body number `index` of the scene: v_p = v + (Ω + G)(x_p - c) and B_p = (Ω + G) D(x_p), where
-/// c is the centroid of its particles. Velocities of a file are added to that; deformations of a
-/// file replace the scene's.
+/// Adds body number `index` of the scene: v_p = v + (Ω + G)(x_p - c) and B_p = (Ω + G) D(x_p),
+/// where c is the centroid of its particles. Velocities of a file are added to that; deformations
+/// of a file replace the scene's.
 pub fn add_body(problem: &mut Problem, scene: &Scene, resolved: &Resolved, index: usize, material: usize) {
     let Problem { setup, particles } = problem;
     let body = &scene.bodies[index];
@@ -95,7 +95,7 @@ pub fn add_body(problem: &mut Problem, scene: &Scene, resolved: &Resolved, index
 
 fn mean(x: &[[f64; 3]]) -> [f64; 3] {
     let n = x.len().max(1) as f64;
-    // Relative to the first point, which keeps the digits of bodies far from the origin.
+    // Relative to the first point, so that bodies far from the origin lose no digits.
     let first = x.first().copied().unwrap_or_default();
     std::array::from_fn(|a| first[a] + x.iter().map(|x| x[a] - first[a]).sum::<f64>() / n)
 }
@@ -112,7 +112,8 @@ fn velocity_gradient(body: &schema::Body) -> [f64; 9] {
     c
 }
 
-/// Initial F, or that of the volume ratio if one is given; a fluid keeps only the volume ratio.
+/// The initial F, or a uniform stretch if a volume ratio is given. A fluid keeps only the volume
+/// ratio.
 fn deformation(mut f: [f64; 9], j: Option<f64>, material: &Material, dimension: usize) -> [f64; 9] {
     let volume_ratio = match material {
         Material::WeaklyCompressibleFluid(_) => Some(j.unwrap_or(determinant(&f))),

@@ -1,4 +1,4 @@
-//! A valid scene to a [`Problem`]: grid, contacts, sampled bodies with their initial state, colliders.
+//! A valid scene to a [`Problem`]: grid, walls, bodies with their particles, sources and colliders.
 
 mod bodies;
 mod motion;

@@ -1,12 +1,14 @@
-//! Colliders and grips of a valid scene, with their motions.
+//! The colliders and grips of a valid scene, and their motions.
+
+use gridfall_core::sim::collider::{Collider, Keyframe, Motion, Sdf};
+use gridfall_core::sim::setup::{Contact, ContactKind};
 
 use crate::schema::{self, Scene};
 use crate::shape::{self, Fields};
 use crate::vectors::{spin, vector3};
-use gridfall_core::sim::collider::{Collider, Keyframe, Motion, Sdf};
-use gridfall_core::sim::setup::{Contact, ContactKind};
 
-/// The scene's colliders, then the grips of its bodies, which have the last word.
+/// The scene's colliders, then the grips of its bodies, which take precedence because they come
+/// last.
 pub(crate) fn colliders(scene: &Scene, fields: &Fields) -> Vec<Collider> {
     let d = scene.dimension as usize;
     let mut colliders = Vec::new();

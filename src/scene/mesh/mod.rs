@@ -1,4 +1,5 @@
-//! Triangle meshes: reading them, judging whether they are closed, and sampling their signed distance.
+//! Triangle meshes: reading them, checking whether they are closed, and sampling their signed
+//! distance.
 
 mod bvh;
 mod gltf;

@@ -1,8 +1,8 @@
-//! A triangle mesh, and why one cannot be used.
+//! A triangle mesh, and the reason why one cannot be used.
 
 use std::collections::HashMap;
 
-/// Triangles that face outwards; in metres once read.
+/// Triangles that face outwards, in metres.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TriangleMesh {
     pub vertices: Vec<[f64; 3]>,
@@ -10,7 +10,7 @@ pub struct TriangleMesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Vertices nearer than this share of the mesh's extent are one.
+/// Vertices closer than this fraction of the mesh's extent are merged.
 const WELD: f64 = 1e-6;
 
 impl TriangleMesh {
@@ -26,19 +26,19 @@ impl TriangleMesh {
         bounds
     }
 
-    /// Makes one vertex of those that lie together, which formats without shared vertices need, and drops what is no triangle then
-    /// and vertices that no triangle uses.
+    /// Merges vertices that lie together, which formats without shared vertices need. Triangles
+    /// that collapse and vertices that no triangle uses are dropped.
     pub fn weld(&mut self) {
         let [lower, upper] = self.bounds();
         let extent = (0..3).map(|a| upper[a] - lower[a]).fold(0.0, f64::max);
         let tolerance = (WELD * extent).max(f64::MIN_POSITIVE);
-        // A vertex and one within a tolerance of it have a common cell among those that either of them touches.
+        // Two vertices within a tolerance of each other always touch a common cell.
         let cell = |v: &[f64; 3], side: f64| v.map(|x| ((x - lower[0]) / (4.0 * tolerance) + side).floor() as i64);
         let close = |a: &[f64; 3], b: &[f64; 3]| (0..3).all(|k| (a[k] - b[k]).abs() <= tolerance);
         let mut cells: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
         let (mut kept, mut known): (Vec<[f64; 3]>, HashMap<[u64; 3], u32>) = Default::default();
         let mut number = |v: &[f64; 3]| -> u32 {
-            // -0 is 0.
+            // Makes 0 of -0.
             let bits = v.map(|x| (x + 0.0).to_bits());
             if let Some(n) = known.get(&bits) {
                 return *n;
@@ -62,7 +62,8 @@ impl TriangleMesh {
         *self = Self { vertices: kept, triangles };
     }
 
-    /// Edges that the triangles beside them do not run along once in each direction, and all edges.
+    /// The number of open edges, which the adjacent triangles do not traverse once in each
+    /// direction, and the number of all edges.
     pub fn open_edges(&self) -> (usize, usize) {
         let mut edges: HashMap<[u32; 2], i32> = HashMap::new();
         for t in &self.triangles {
@@ -83,7 +84,7 @@ impl TriangleMesh {
         self.triangles.iter().map(part).sum()
     }
 
-    /// Turns all triangles over.
+    /// Reverses all triangles.
     pub fn flip(&mut self) {
         self.triangles.iter_mut().for_each(|t| t.swap(1, 2));
     }

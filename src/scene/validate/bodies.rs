@@ -11,7 +11,7 @@ use crate::validate::shape::check_shape;
 use crate::validate::sources::check_source;
 use crate::vectors::{determinant, matrix3, vector3};
 
-/// Lattice points that may be looked at for one body; its particles are limited far below.
+/// Most lattice points in the bounds of one body; the limits on its particles are far lower.
 const MAX_CANDIDATES: f64 = 1e15;
 
 /// Judges all bodies and sources, and what they cost together.
@@ -55,12 +55,12 @@ pub fn check_bodies(check: &mut Check) {
     }
 }
 
-/// Particles that one body or source may have.
+/// Most particles of one body or source.
 fn most_particles(check: &Check) -> u64 {
     check.limits.max_particles.min(check.limits.max_memory_bytes / HOST_BYTES_PER_PARTICLE)
 }
 
-/// Judges a body. Returns its number of particles if that can be told.
+/// Judges a body. Returns its number of particles if that is known.
 fn check_body(check: &mut Check, at: &str, body: &Body) -> Option<u64> {
     check.known_material(at, &body.material);
     let d = check.dimension;
@@ -124,7 +124,7 @@ fn check_initial_state(check: &mut Check, at: &str, body: &Body) {
     }
 }
 
-/// Counts the particles of a body without making them. Some outside the domain are a fault.
+/// Counts the particles of a body without making them. Particles outside the domain are a fault.
 fn count_particles(check: &mut Check, at: &str, body: &Body, shape: &Shape, per_axis: f64) -> Option<u64> {
     let (domain, d) = (&check.scene.domain, check.dimension);
     let sdf = check.sdf(at, shape);

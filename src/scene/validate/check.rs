@@ -1,4 +1,4 @@
-//! What all judgements share: the scene, the faults found so far, and rules for single values.
+//! What all checks share: the scene, the faults found so far, and rules for single values.
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
@@ -12,7 +12,7 @@ use crate::schema::{ContactKind, Scene, Shape};
 use crate::shape;
 use crate::suggest::{closest, list, quote};
 
-/// A judgement in progress.
+/// The validation of a scene in progress.
 pub struct Check<'a> {
     pub scene: &'a Scene,
     pub resolved: &'a Resolved,
@@ -22,17 +22,17 @@ pub struct Check<'a> {
 }
 
 impl Check<'_> {
-    /// Adds a fault, unless the value at `at` is known to be at fault.
+    /// Adds a fault, unless the value at `at` is already known to be at fault.
     pub fn fault(&mut self, at: &str, code: &'static str, reason: impl Display, remedy: impl Display) {
         self.faults.add(at, code, reason.to_string(), remedy.to_string());
     }
 
-    /// True when the scene's dimension is known.
+    /// Whether the scene's dimension is valid.
     pub fn has_dimension(&self) -> bool {
         self.faults.clean("/dimension")
     }
 
-    /// True when nothing is wrong with the grid.
+    /// Whether the grid is valid.
     pub fn has_grid(&self) -> bool {
         ["/dimension", "/domain/min", "/domain/max", "/domain/dx"].iter().all(|at| self.faults.clean(at))
     }
@@ -45,7 +45,7 @@ impl Check<'_> {
         }
     }
 
-    /// Whether a number is finite; otherwise it is at fault.
+    /// Checks that a number is finite, and returns whether it is.
     pub fn finite(&mut self, at: &str, value: f64) -> bool {
         if !value.is_finite() {
             self.fault(at, "not_finite", format!("is {value}"), "write a finite number");
@@ -65,14 +65,14 @@ impl Check<'_> {
         }
     }
 
-    /// A vector of the scene's dimension with finite components.
+    /// Checks a vector of the scene's dimension.
     pub fn vector(&mut self, at: &str, v: &[f64]) {
         if self.has_dimension() {
             self.vector_of(at, v, self.dimension);
         }
     }
 
-    /// A vector of `length` finite components.
+    /// Checks a vector of `length` components.
     pub fn vector_of(&mut self, at: &str, v: &[f64], length: usize) {
         if v.len() != length {
             let reason = format!("has {} components in a scene of {} dimensions", v.len(), self.dimension);
@@ -84,14 +84,14 @@ impl Check<'_> {
         }
     }
 
-    /// An angular velocity: three finite components, in 2D one.
+    /// Checks an angular velocity, which has three components, in 2D one.
     pub fn angular(&mut self, at: &str, w: &[f64]) {
         if self.has_dimension() {
             self.vector_of(at, w, if self.dimension == 2 { 1 } else { 3 });
         }
     }
 
-    /// A square matrix of the scene's dimension with finite components.
+    /// Checks a square matrix of the scene's dimension.
     pub fn matrix(&mut self, at: &str, m: &[Vec<f64>]) {
         if !self.has_dimension() {
             return;
@@ -107,7 +107,7 @@ impl Check<'_> {
         }
     }
 
-    /// The `contact` and `friction` of the value at `at`.
+    /// Checks the `contact` and `friction` of the value at `at`.
     pub fn contact(&mut self, at: &str, kind: ContactKind, friction: f64) {
         let known = self.faults.clean(&join(at, "contact"));
         let at = join(at, "friction");
@@ -118,7 +118,7 @@ impl Check<'_> {
         }
     }
 
-    /// Pairs of pointer and name: every name is a good one, and its own.
+    /// Checks names, given with their pointers, and that no two are the same.
     pub fn unique(&mut self, names: impl Iterator<Item = (String, String)>) {
         let mut seen: BTreeMap<String, String> = BTreeMap::new();
         for (at, name) in names {
@@ -132,7 +132,7 @@ impl Check<'_> {
         }
     }
 
-    /// The `material` of the value at `at`.
+    /// Checks the `material` of the value at `at`.
     pub fn known_material(&mut self, at: &str, name: &str) {
         let materials: Vec<&str> = self.scene.materials.keys().map(String::as_str).collect();
         if !materials.contains(&name) {

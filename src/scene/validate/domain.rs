@@ -6,7 +6,7 @@ use crate::schema::{Boundary, Domain};
 use crate::suggest::{list, quote};
 use crate::validate::check::Check;
 
-/// Cells along one axis at most.
+/// Most cells along one axis.
 const MAX_CELLS: f64 = 65_536.0;
 
 /// Judges the domain.

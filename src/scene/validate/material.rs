@@ -1,9 +1,10 @@
 //! Meaning of material parameters: signs and ranges.
 
+use gridfall_core::material::parameters::Elastic;
+
 use crate::fault::join;
 use crate::schema::Material;
 use crate::validate::check::Check;
-use gridfall_core::material::parameters::Elastic;
 
 /// Judges the parameters of a material.
 pub fn check_material(check: &mut Check, at: &str, material: &Material) {

@@ -22,12 +22,13 @@ use material::check_material;
 use motion::check_colliders;
 use solver::check_solver;
 
-/// Frames of one run at most.
+/// Most frames of one run.
 const MAX_FRAMES: f64 = 100_000.0;
-/// Points of a recorded frame at most.
+/// Most points of a recorded frame.
 const MAX_PREVIEW_POINTS: u32 = 100_000_000;
 
-/// Judges a scene of sound structure. Parts that depend on its dimension are judged if that is known.
+/// Judges a scene of sound structure. Parts that depend on its dimension are judged only if that is
+/// valid.
 pub(crate) fn check(scene: &Scene, resolved: &Resolved, limits: &Limits, faults: &mut Faults) {
     if scene.gridfall != 1 {
         faults.add(

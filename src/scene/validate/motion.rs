@@ -1,12 +1,13 @@
-//! Meaning of what moves by prescription: colliders, grips and their motions.
+//! Meaning of colliders, grips and their prescribed motions.
+
+use gridfall_core::sim::reaction::{WALLS, wall_name};
 
 use crate::fault::join;
 use crate::schema::{Keyframe, Motion, Shape};
 use crate::validate::check::Check;
 use crate::validate::shape::{check_shape, direction};
-use gridfall_core::sim::reaction::{WALLS, wall_name};
 
-/// Judges all colliders, and the grips of all bodies, which become colliders.
+/// Judges all colliders and the grips of all bodies, which become colliders as well.
 pub fn check_colliders(check: &mut Check) {
     let scene = check.scene;
     let colliders = scene.colliders.iter().enumerate().map(|(n, c)| (format!("/colliders/{n}/name"), c.name.clone()));

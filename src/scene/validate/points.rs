@@ -5,7 +5,7 @@ use crate::schema::{Body, Points};
 use crate::validate::check::Check;
 use crate::vectors::{determinant, vector3};
 
-/// Judges the particles of the body at `at`. Returns their number if that can be told.
+/// Judges the particles of the body at `at`. Returns their number if it is known.
 pub fn check_points(check: &mut Check, at: &str, body: &Body, points: &Points) -> Option<u64> {
     let at_points = join(at, "points");
     if points.asset.is_some() == points.file.is_some() {

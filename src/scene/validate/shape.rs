@@ -1,11 +1,12 @@
-//! Meaning of shapes: lengths, radii, axes, and programs that an evaluator can hold.
+//! Meaning of shapes: lengths, radii, axes, and whether the program fits the evaluator.
+
+use gridfall_core::sim::collider::SDF_STACK;
 
 use crate::fault::join;
 use crate::schema::Shape;
 use crate::validate::check::Check;
-use gridfall_core::sim::collider::SDF_STACK;
 
-/// Primitives and operations of one shape at most.
+/// Most primitives and operations of one shape.
 const MAX_OPS: usize = 4096;
 
 /// Judges a whole shape.
@@ -92,7 +93,7 @@ fn check_part(check: &mut Check, at: &str, shape: &Shape) {
             check_part(check, &field("shape"), shape);
         }
         Shape::Rotate { axis, angle_degrees, center, shape } => {
-            // The default axis is z, which is also the only one in 2D.
+            // The default axis is z, the only one in 2D.
             if check.dimension == 2 && check.has_dimension() {
                 if !(axis.len() == 3 && axis[0] == 0.0 && axis[1] == 0.0 && axis[2] != 0.0) {
                     check.fault(&field("axis"), "needs_3d", "in 2D there is only one axis", "take `axis` out");
@@ -176,7 +177,7 @@ fn several(check: &mut Check, at: &str, key: &str, shapes: &[Shape], least: usiz
     }
 }
 
-/// A vector that is not zero.
+/// Judges a direction, a vector that is not zero.
 pub fn direction(check: &mut Check, at: &str, v: &[f64]) {
     check.vector(at, v);
     if check.faults.clean(at) && v.iter().all(|a| *a == 0.0) {

@@ -11,11 +11,11 @@ use crate::validate::motion::interval;
 use crate::validate::shape::check_shape;
 use crate::vectors::vector3;
 
-/// Lattice points that may be looked at for one source, in all frames together.
+/// Most lattice points that are tested for one source, over all frames.
 const MAX_CANDIDATES: f64 = 2e8;
 
-/// Judges a source, which may emit `most` particles. Returns how many it emits if that can be told.
-/// The time must have been judged before.
+/// Judges a source, which may emit at most `most` particles. Returns how many it emits if that is
+/// known. The time must have been judged before.
 pub fn check_source(check: &mut Check, at: &str, source: &schema::Source, most: u64) -> Option<u64> {
     check.known_material(at, &source.material);
     let velocity_at = join(at, "velocity");
