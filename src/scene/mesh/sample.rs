@@ -48,9 +48,8 @@ impl Plan {
         self.size.iter().fold(1u64, |n, &size| n.saturating_mul(size as u64))
     }
 
-    /// Samples the mesh. For an open mesh, the distance u to the triangles is weighted to u (1 -
-    /// 2w) with the winding number w: it is ±u far from holes and crosses zero smoothly where a
-    /// hole is closed.
+    /// Samples the mesh. For an open mesh with the winding number w, the distance u to the triangles
+    /// becomes u (1 - 2w): it is ±u far from holes and crosses zero smoothly where a hole is closed.
     pub fn sample(&self, mesh: &TriangleMesh, fill: Fill) -> Field {
         let bvh = Bvh::new(mesh);
         let [nx, ny, _] = self.size;
