@@ -1,21 +1,21 @@
-//! Files that scenes name: meshes and particles, from uploads or from the scene's folder.
+//! Files that scenes refer to: meshes and particles, from uploads or from the scene's folder.
 
 use std::io;
 use std::path::PathBuf;
 
-use super::{mesh, points};
+use crate::{mesh, points};
 
-/// Where a scene says that a file is.
+/// Where a file is, according to the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Source<'a> {
     /// Id of an upload: `sha256:` and 64 hexadecimal digits.
     Asset(&'a str),
-    /// Path relative to the scene's.
+    /// Path relative to the scene's folder.
     File(&'a str),
 }
 
 impl<'a> Source<'a> {
-    /// The one of two fields that is given; none if both or neither are.
+    /// The one of the two fields that is given; none if both or neither are.
     pub fn of(asset: &'a Option<String>, file: &'a Option<String>) -> Option<Self> {
         match (asset, file) {
             (Some(id), None) => Some(Self::Asset(id)),
@@ -24,14 +24,14 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// The field that gives it and its value.
+    /// The name of the given field, and its value.
     pub fn key(&self) -> (&'static str, String) {
         match *self {
             Self::Asset(value) | Self::File(value) => (self.field(), value.to_owned()),
         }
     }
 
-    /// The field that gives it.
+    /// The name of the given field.
     pub fn field(&self) -> &'static str {
         match self {
             Self::Asset(_) => "asset",
@@ -40,7 +40,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Why a file cannot be had.
+/// Why a file cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refusal {
     /// Code of the fault.
@@ -54,7 +54,7 @@ impl Refusal {
         Self { code, reason: reason.into(), remedy: remedy.into() }
     }
 
-    /// An upload that is not there.
+    /// An upload that does not exist.
     pub fn unknown(id: &str) -> Self {
         Self::new(
             "unknown_asset",
@@ -63,7 +63,7 @@ impl Refusal {
         )
     }
 
-    /// A path where only uploads count.
+    /// A path, where only uploads are accepted.
     pub fn no_files() -> Self {
         Self::new(
             "file_refused",
@@ -73,24 +73,24 @@ impl Refusal {
     }
 }
 
-/// Judges a file: what kind it is, if a scene can use it, else why not.
+/// The format of a file that a scene can use, or the reason why it cannot.
 pub fn examine(bytes: &[u8]) -> Result<&'static str, String> {
     if points::is_npz(bytes) {
         let read = points::read(bytes, 3).or_else(|error| points::read(bytes, 2).map_err(|_| error));
         return read.map(|_| "npz").map_err(|error| format!("it has no particles that can be used: {error}"));
     }
     let mesh = mesh::read(bytes).map_err(|error| format!("it is no mesh that can be used: {}", error.0));
-    // A PLY without faces has points.
+    // A PLY without faces holds points.
     mesh.map(drop).or_else(|error| points::read(bytes, 3).map(drop).map_err(|_| error))?;
     Ok(mesh::format(bytes).map_or("", |format| format.name()))
 }
 
-/// What gives scenes their files.
+/// A source of files for scenes.
 pub trait Assets: Sync {
     fn read(&self, source: Source) -> Result<Vec<u8>, Refusal>;
 }
 
-/// For scenes that come alone.
+/// No files at all, for scenes that come alone.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoAssets;
 
@@ -103,7 +103,7 @@ impl Assets for NoAssets {
     }
 }
 
-/// The files beside a scene, for the command line.
+/// The files beside a scene; for the command line.
 #[derive(Clone, Debug)]
 pub struct LocalFiles {
     /// Folder of the scene.

@@ -1,4 +1,5 @@
-//! JSON text to a value. Unlike plain serde_json it reports keys that occur twice, of which one would be lost in silence.
+//! JSON text to a value. Unlike plain serde_json, which silently drops one of two equal keys, it
+//! reports keys that occur twice.
 
 use std::cell::RefCell;
 use std::fmt;
@@ -8,7 +9,7 @@ use serde_json::{Map, Number, Value};
 
 use crate::fault::{Fault, join};
 
-/// Reads a JSON document. Faults of syntax name line and column; there can be one only.
+/// Reads a JSON document. A fault of syntax names line and column; there is at most one.
 pub fn read(text: &str) -> Result<Value, Vec<Fault>> {
     let duplicates = RefCell::new(Vec::new());
     let mut deserializer = serde_json::Deserializer::from_str(text);
@@ -34,7 +35,7 @@ fn syntax(error: &serde_json::Error) -> Fault {
     Fault { pointer: String::new(), code, reason, remedy }
 }
 
-/// Reads the value that belongs at `pointer`.
+/// Reads the value at `pointer`.
 struct Node<'a> {
     pointer: String,
     duplicates: &'a RefCell<Vec<Fault>>,

@@ -1,32 +1,28 @@
-//! What a run will cost: particles, active blocks, memory, step and steps.
+//! What a run will cost: particles, active blocks, memory, time step and number of steps.
 
+use gridfall_core::sim::cost::{self, Prediction};
+use gridfall_core::sim::setup::{Axis, Integrator, Kernel, Material, Precision, Problem, Setup};
+use gridfall_core::sim::source::Source;
+use gridfall_core::sim::timestep::Bound;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use gridfall_core::sim::cost::{self, Prediction};
-use gridfall_core::sim::setup::{Axis, Integrator, Kernel, Material, Problem};
-use gridfall_core::sim::timestep::Bound;
+use crate::memory::{MATRIX_BYTES_PER_PARTICLE, TABLE_BYTES_PER_BLOCK, memory_bytes};
 
-/// Host memory a particle (bytes): its state in the problem, in the CPU engine while it is binned anew, and in a snapshot.
-pub(crate) const HOST_BYTES_PER_PARTICLE: u64 = 1024;
-/// Host memory a particle (bytes) of the implicit integrator's matrices at 8 particles a cell: two nodes a cell at a body's size, 125 blocks of
-/// 9 f64 a node, and the coarser levels.
-const MATRIX_BYTES_PER_PARTICLE: u64 = 3072;
-/// Device memory a particle (bytes) without its deformation: two positions, binning, the frame's positions and velocities.
+/// Device memory per particle (bytes) without its deformation: two positions, binning, and the
+/// positions and velocities of a frame.
 const DEVICE_BYTES_PER_PARTICLE: u64 = 112;
 /// Copies of the deformation on the device.
 const DEFORMATION_COPIES: u64 = 3;
 /// Cells of a block of the sparse grid.
 const BLOCK_CELLS: u64 = 64;
-/// Both sides of the dense block table on the device (bytes a block).
-const TABLE_BYTES_PER_BLOCK: u64 = 8;
-/// Two grid buffers of four channels in f32 (bytes a node).
+/// Two grid buffers of four channels in f32 (bytes per node).
 const NODE_BYTES: u64 = 32;
 
 /// The cost of a run, from its state at time 0.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Estimate {
-    /// At the end: with all that sources bring.
+    /// At the end of the run, with everything that sources emit.
     pub particles: u64,
     /// Cells of the domain on each axis.
     pub cells: [usize; 3],
@@ -34,7 +30,8 @@ pub struct Estimate {
     pub blocks: u64,
     /// Host memory of a run on the CPU (bytes).
     pub host_memory_bytes: u64,
-    /// Device memory of a run on a GPU (bytes); absent when the scene needs what GPUs here do not do.
+    /// Device memory of a run on a GPU (bytes); absent if the scene needs what the GPU engine
+    /// cannot do.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device_memory_bytes: Option<u64>,
     /// How the run is integrated: explicit or implicit.
@@ -43,23 +40,23 @@ pub struct Estimate {
     pub integrator_reason: String,
     /// What explicit integration is predicted to cost.
     pub explicit: Integration,
-    /// What implicit integration is predicted to cost; absent where a material has none.
+    /// What implicit integration is predicted to cost; absent if a material does not support it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub implicit: Option<Integration>,
     /// Step at time 0 (s).
     pub dt_s: f64,
     /// Stable name of the rule that set the step.
     pub dt_bound: &'static str,
-    /// The same in words, and what would lengthen the step.
+    /// The same in words, and what would allow a longer step.
     pub dt_reason: String,
-    /// All rules and the step that each allows (s), the ruling one first.
+    /// All rules and the step that each allows (s), the strictest first.
     pub dt_limits: Vec<Limit>,
     pub steps_per_frame: u64,
     /// Frames after frame 0.
     pub frames: u32,
     /// Steps of the whole run, if the step stays as it is.
     pub steps: u64,
-    /// Particles times steps, which run time is proportional to.
+    /// Particles times steps; run time is proportional to it.
     pub particle_steps: f64,
     /// End of the run (s of simulated time).
     pub simulated_s: f64,
@@ -70,7 +67,7 @@ pub struct Estimate {
 pub struct Limit {
     /// Stable name.
     pub rule: &'static str,
-    /// The body that it is about, if it is about one.
+    /// The body that it applies to, if it applies to one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
     pub dt_s: f64,
@@ -83,7 +80,8 @@ pub struct Integration {
     pub dt_s: f64,
     /// Steps of the whole run, if the step stays as it is.
     pub steps: u64,
-    /// Wall time that is typical of two cores of a server (s); the ratio of both ways holds for other devices.
+    /// Wall time typical of two cores of a server (s); the ratio of the two ways holds for other
+    /// devices as well.
     pub two_cores_s: f64,
 }
 
@@ -93,99 +91,85 @@ impl Integration {
     }
 }
 
-fn dt_limits(problem: &Problem, limits: &[(f64, Bound)]) -> Vec<Limit> {
+fn dt_limits(setup: &Setup, limits: &[(f64, Bound)]) -> Vec<Limit> {
     let limit = |&(dt_s, bound): &(f64, Bound)| {
-        let body = bound.body().map(|body| problem.setup.bodies[body].name.clone());
+        let body = bound.body().map(|body| setup.bodies[body].name.clone());
         Limit { rule: bound.name(), body, dt_s }
     };
     limits.iter().map(limit).collect()
 }
 
-/// Costs a problem.
+/// Estimates the cost of a problem.
 pub fn estimate(problem: &Problem) -> Estimate {
-    let (explicit, implicit) =
-        (cost::explicit(&problem.setup, &problem.particles), cost::implicit(&problem.setup, &problem.particles));
-    let chosen = if problem.setup.integrator == Integrator::Implicit { &implicit } else { &explicit };
+    let Problem { setup, particles } = problem;
+    let (explicit, implicit) = (cost::explicit(setup, particles), cost::implicit(setup, particles));
+    let chosen = if setup.integrator == Integrator::Implicit { &implicit } else { &explicit };
     let plan = chosen.plan;
-    let particles = problem.setup.total_particles() as u64;
-    let blocks = active_blocks(problem) + emitted_blocks(problem);
+    let total = setup.total_particles() as u64;
+    let blocks = active_blocks(setup, &particles.x) + emitted_blocks(setup);
     Estimate {
-        particles,
-        cells: problem.setup.cells,
+        particles: total,
+        cells: setup.cells,
         blocks,
-        host_memory_bytes: memory_bytes(particles, problem.setup.cells.map(|n| n as u64), problem.setup.integrator)
-            + field_bytes(problem),
-        device_memory_bytes: device_memory_bytes(problem, blocks),
-        integrator: problem.setup.integrator,
-        integrator_reason: problem.setup.integrator_reason.clone(),
+        host_memory_bytes: memory_bytes(total, setup.cells.map(|n| n as u64), setup.integrator) + field_bytes(setup),
+        device_memory_bytes: device_memory_bytes(setup, blocks),
+        integrator: setup.integrator,
+        integrator_reason: setup.integrator_reason.clone(),
         explicit: Integration::of(&explicit),
-        implicit: cost::implicit_fault(&problem.setup).is_none().then(|| Integration::of(&implicit)),
+        implicit: cost::implicit_fault(setup).is_none().then(|| Integration::of(&implicit)),
         dt_s: plan.dt_s,
         dt_bound: plan.bound.name(),
-        dt_reason: plan.bound.explain(&problem.setup),
-        dt_limits: dt_limits(problem, &chosen.limits),
+        dt_reason: plan.bound.explain(setup),
+        dt_limits: dt_limits(setup, &chosen.limits),
         steps_per_frame: plan.steps,
-        frames: problem.setup.frames,
+        frames: setup.frames,
         steps: chosen.steps,
         particle_steps: chosen.particle_steps,
-        simulated_s: f64::from(problem.setup.frames) * problem.setup.frame_s,
+        simulated_s: f64::from(setup.frames) * setup.frame_s,
     }
 }
 
-/// Host memory (bytes) of a run with so many particles on so large a grid; known before anything is allocated.
-pub(crate) fn memory_bytes(particles: u64, cells: [u64; 3], integrator: Integrator) -> u64 {
-    let blocks = cells.iter().fold(1u64, |n, cells| n.saturating_mul(cells.div_ceil(4)));
-    let matrices = if integrator == Integrator::Implicit { MATRIX_BYTES_PER_PARTICLE } else { 0 };
-    particles
-        .saturating_mul(HOST_BYTES_PER_PARTICLE + matrices)
-        .saturating_add(blocks.saturating_mul(TABLE_BYTES_PER_BLOCK))
-}
-
-fn device_memory_bytes(problem: &Problem, blocks: u64) -> Option<u64> {
-    let grids = match problem.setup.kernel {
+fn device_memory_bytes(setup: &Setup, blocks: u64) -> Option<u64> {
+    let grids = match setup.kernel {
         Kernel::Compact => 2,
         Kernel::Quadratic => 1,
         Kernel::Cubic | Kernel::Linear => return None,
     };
     let channels = |m: &Material| (if m.is_fluid() { 1 } else { 9 }) + u64::from(m.has_plastic_state());
-    let channels =
-        problem.setup.bodies.iter().map(|b| channels(&problem.setup.materials[b.material])).max().unwrap_or(1);
-    let table: u64 = problem.setup.cells.iter().map(|&n| n.div_ceil(4) as u64).product();
+    let channels = setup.bodies.iter().map(|b| channels(&setup.materials[b.material])).max().unwrap_or(1);
+    let table: u64 = setup.cells.iter().map(|&n| n.div_ceil(4) as u64).product();
     let particle = DEVICE_BYTES_PER_PARTICLE + 4 * channels * DEFORMATION_COPIES;
     let nodes = blocks * BLOCK_CELLS * grids;
-    let on_device =
-        problem.setup.dimension == 3 && problem.setup.precision == gridfall_core::sim::setup::Precision::F32;
-    let particles = problem.setup.total_particles() as u64 * particle;
-    // f32 takes half of what the host's matrices take.
-    let matrices = match problem.setup.integrator {
-        Integrator::Implicit => problem.setup.total_particles() as u64 * MATRIX_BYTES_PER_PARTICLE / 2,
+    let on_device = setup.dimension == 3 && setup.precision == Precision::F32;
+    let particles = setup.total_particles() as u64 * particle;
+    // In f32, matrices take half of the memory that they take on the host.
+    let matrices = match setup.integrator {
+        Integrator::Implicit => setup.total_particles() as u64 * MATRIX_BYTES_PER_PARTICLE / 2,
         _ => 0,
     };
-    on_device.then(|| particles + matrices + table * TABLE_BYTES_PER_BLOCK + nodes * NODE_BYTES + field_bytes(problem))
+    on_device.then(|| particles + matrices + table * TABLE_BYTES_PER_BLOCK + nodes * NODE_BYTES + field_bytes(setup))
 }
 
-/// Blocks that sources will fill: the volume that they bring at rest, and as many beside it.
-fn emitted_blocks(problem: &Problem) -> u64 {
-    let block = (4.0 * problem.setup.dx).powi(problem.setup.dimension as i32);
-    let volume =
-        |source: &gridfall_core::sim::source::Source| source.total() as f64 * problem.setup.bodies[source.body].volume0;
-    (2.0 * problem.setup.sources.iter().map(volume).sum::<f64>() / block).ceil() as u64
+/// Blocks that sources will fill: those of the volume that they emit, at rest, and as many adjacent
+/// ones.
+fn emitted_blocks(setup: &Setup) -> u64 {
+    let block = (4.0 * setup.dx).powi(setup.dimension as i32);
+    let volume = |source: &Source| source.total() as f64 * setup.bodies[source.body].volume0;
+    (2.0 * setup.sources.iter().map(volume).sum::<f64>() / block).ceil() as u64
 }
 
 /// Memory of the colliders' sampled distances (bytes).
-fn field_bytes(problem: &Problem) -> u64 {
-    problem.setup.colliders.iter().flat_map(|collider| collider.sdf.fields()).map(|(field, _)| field.bytes()).sum()
+fn field_bytes(setup: &Setup) -> u64 {
+    setup.colliders.iter().flat_map(|collider| collider.sdf.fields()).map(|(field, _)| field.bytes()).sum()
 }
 
-/// Blocks with particles and all their neighbours.
-fn active_blocks(problem: &Problem) -> u64 {
+/// The number of blocks with particles and all their neighbours.
+fn active_blocks(setup: &Setup, positions: &[[f64; 3]]) -> u64 {
     let key = |b: [i64; 3]| b.iter().fold(0u64, |key, b| key << 21 | (b + 1) as u64);
     let block = |x: &[f64; 3]| -> [i64; 3] {
-        std::array::from_fn(|a| ((x[a] - problem.setup.origin[a]) / (4.0 * problem.setup.dx)).floor() as i64)
+        std::array::from_fn(|a| ((x[a] - setup.origin[a]) / (4.0 * setup.dx)).floor() as i64)
     };
-    let mut occupied: Vec<[i64; 3]> = problem
-        .particles
-        .x
+    let mut occupied: Vec<[i64; 3]> = positions
         .par_chunks(1 << 14)
         .flat_map_iter(|xs| {
             let mut blocks: Vec<[i64; 3]> = xs.iter().map(block).collect();
@@ -196,9 +180,9 @@ fn active_blocks(problem: &Problem) -> u64 {
         .collect();
     occupied.par_sort_unstable();
     occupied.dedup();
-    let reach = |a: usize| if a < problem.setup.dimension { -1..=1 } else { 0..=0 };
-    let wrap = |a: usize, b: i64| match problem.setup.axes[a] {
-        Axis::Periodic => b.rem_euclid(problem.setup.cells[a] as i64 / 4),
+    let reach = |a: usize| if a < setup.dimension { -1..=1 } else { 0..=0 };
+    let wrap = |a: usize, b: i64| match setup.axes[a] {
+        Axis::Periodic => b.rem_euclid(setup.cells[a] as i64 / 4),
         Axis::Walls(_) => b,
     };
     let mut active: Vec<u64> = occupied

@@ -7,13 +7,14 @@ use serde::Serialize;
 /// One fault of a scene.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Fault {
-    /// JSON pointer (RFC 6901) to the value at fault, or to where a missing one belongs; empty for the whole document.
+    /// JSON pointer (RFC 6901) to the value at fault, or to the place of a missing one; empty for
+    /// the whole document.
     pub pointer: String,
-    /// Stable, for programs: `unknown_field`, `not_positive`, …
+    /// A stable code for programs: `unknown_field`, `not_positive`, …
     pub code: &'static str,
-    /// What is wrong, for people.
+    /// What is wrong, in words.
     pub reason: String,
-    /// What to change.
+    /// What to change, in words.
     pub remedy: String,
 }
 
@@ -24,12 +25,12 @@ impl fmt::Display for Fault {
     }
 }
 
-/// Faults beyond this many are not collected.
+/// Most faults that are collected.
 const MAX_FAULTS: usize = 200;
 
 /// Faults found so far.
 ///
-/// What depends on a value that is at fault itself is not judged: see [`Faults::clean`].
+/// What depends on a faulty value is not judged: see [`Faults::clean`].
 #[derive(Debug, Default)]
 pub struct Faults {
     found: Vec<Fault>,
@@ -38,7 +39,8 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// Adds a fault, unless the value or a part of it or one that holds it is known to be at fault already.
+    /// Adds a fault, unless the value, a part of it or a value that contains it is already known to
+    /// be at fault.
     pub fn add(&mut self, pointer: &str, code: &'static str, reason: impl Into<String>, remedy: impl Into<String>) {
         if self.clean(pointer) {
             self.found.push(Fault { pointer: pointer.to_owned(), code, reason: reason.into(), remedy: remedy.into() });
@@ -52,12 +54,13 @@ impl Faults {
         }
     }
 
-    /// Declares the whole value meaningless because of a fault that is known already.
+    /// Declares the whole value meaningless because of a fault that is already known.
     pub fn spoil(&mut self, pointer: &str) {
         self.spoiled.push(pointer.to_owned());
     }
 
-    /// True when nothing at `pointer`, below it or above it is at fault; unknown fields aside, which change no meaning.
+    /// Whether nothing at `pointer`, below it or above it is at fault. Unknown fields do not count
+    /// because they do not change the meaning of others.
     pub fn clean(&self, pointer: &str) -> bool {
         let meets = |other: &str| within(other, pointer) || within(pointer, other);
         let found = self.found.iter().filter(|f| f.code != "unknown_field").map(|f| f.pointer.as_str());
@@ -73,7 +76,7 @@ impl Faults {
     }
 }
 
-/// True when pointer `inner` is `outer` or lies below it.
+/// Whether pointer `inner` equals `outer` or lies below it.
 fn within(inner: &str, outer: &str) -> bool {
     inner.strip_prefix(outer).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
 }
@@ -83,7 +86,7 @@ pub fn join(pointer: &str, token: impl fmt::Display) -> String {
     format!("{pointer}/{}", token.to_string().replace('~', "~0").replace('/', "~1"))
 }
 
-/// A number to suggest, without the digits of its rounding.
+/// A number to suggest, without its rounding error.
 pub fn plain(x: f64) -> f64 {
     format!("{x:.12e}").parse().unwrap_or(x)
 }

@@ -1,70 +1,61 @@
-//! Scenes: the versioned JSON that users write, its faults, and its way to a [`gridfall_core::sim::setup::Problem`].
+//! Scenes: the versioned JSON that users write, its faults, and its way to a
+//! [`gridfall_core::sim::setup::Problem`].
 //!
-//! A document passes through `document` (syntax), `structure` (types and fields), `resolve` (files, sampled shapes), `validate`
-//! (meaning) and `build` (sampling).
+//! A document passes through `document` (syntax), `overrides`, `structure` (types and fields),
+//! `resolve` (files, sampled shapes), `validate` (meaning) and `build` (sampling). What `resolve`
+//! finds stays beside the document, in a table. A module uses only those before it in this list:
+//!
+//! ```text
+//! schema, fault, limits, suggest, vectors, memory
+//! document, overrides, structure                     text and JSON to a scene
+//! mesh, points, assets                               files
+//! sampling, grid, shape                              lattices, streams, signed distances
+//! resolve
+//! validate, build
+//! estimate
+//! ```
 
 pub mod assets;
 mod build;
 mod document;
 pub mod estimate;
 mod fault;
+mod grid;
+mod limits;
+mod memory;
 mod mesh;
-pub mod overrides;
-pub mod points;
+mod overrides;
+mod points;
 mod resolve;
 mod sampling;
 pub mod schema;
+mod shape;
 mod structure;
 mod suggest;
 mod validate;
+mod vectors;
 
 pub use fault::Fault;
+pub use limits::Limits;
 pub use schema::Scene;
 
+use gridfall_core::sim::cost;
+use gridfall_core::sim::setup::Problem;
 use serde_json::Value;
 
 use assets::{Assets, NoAssets};
 use fault::Faults;
-use gridfall_core::sim::cost;
-use gridfall_core::sim::setup::Problem;
+use resolve::Resolved;
 
-/// What a scene may ask for at most.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
-    pub max_particles: u64,
-    /// Host memory of one run (bytes).
-    pub max_memory_bytes: u64,
-    /// Steps of the whole run.
-    pub max_steps: u64,
-}
-
-impl Default for Limits {
-    /// As many particles and as much memory as this machine can hold, and steps for some weeks of its time.
-    fn default() -> Self {
-        Self { max_particles: 1 << 30, max_memory_bytes: host_memory_bytes() / 10 * 9, max_steps: 1_000_000_000 }
-    }
-}
-
-/// Memory of this machine (bytes); 8 GiB where it cannot be told.
-fn host_memory_bytes() -> u64 {
-    let total = |text: String| -> Option<u64> {
-        let line = text.lines().find(|line| line.starts_with("MemTotal:"))?;
-        line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib << 10)
-    };
-    std::fs::read_to_string("/proc/meminfo").ok().and_then(total).unwrap_or(8 << 30)
-}
-
-/// Reads a scene: syntax and structure. When the structure is at fault, the meaning of the rest is judged as well (under the
-/// default limits), so that the faults are all there.
+/// Reads a scene: syntax and structure. When the structure is at fault, the meaning of the rest is
+/// judged as well (under the default limits), so that all faults are reported at once.
 pub fn parse(json: &str) -> Result<Scene, Vec<Fault>> {
     from_value(&document::read(json)?)
 }
 
-/// [`parse`] with `path=value` overrides (see [`overrides::apply`]) applied first.
-pub fn parse_with(json: &str, sets: &[String]) -> Result<Scene, Vec<Fault>> {
-    let mut document = document::read(json)?;
-    let refused: Vec<Fault> = sets.iter().filter_map(|set| overrides::apply(&mut document, set).err()).collect();
-    if refused.is_empty() { from_value(&document) } else { Err(refused) }
+/// [`parse`] with `path=value` overrides (`solver.kernel=quadratic`) applied first.
+pub fn parse_with(json: &str, overrides: &[String]) -> Result<Scene, Vec<Fault>> {
+    from_value_with(&mut document::read(json)?, overrides)
 }
 
 /// [`parse`] for a document that is a JSON value already.
@@ -86,21 +77,28 @@ pub fn from_value(document: &Value) -> Result<Scene, Vec<Fault>> {
     if faults.is_empty() {
         return Ok(scene);
     }
-    validate::check(&scene, &Limits::default(), &mut faults);
+    validate::check(&scene, &Resolved::default(), &Limits::default(), &mut faults);
     Err(faults.into_vec())
 }
 
-/// Judges what a scene that names no files means, as far as that can be told without making particles: all but the number of steps.
-pub fn check(scene: &Scene, limits: &Limits) -> Result<(), Vec<Fault>> {
-    resolved(scene, limits, &NoAssets).map(drop)
+/// [`from_value`] with `path=value` overrides applied to the document first.
+pub fn from_value_with(document: &mut Value, overrides: &[String]) -> Result<Scene, Vec<Fault>> {
+    overrides::apply(document, overrides)?;
+    from_value(document)
 }
 
-/// The scene with its files read and its shapes sampled, if it has no fault that can be told without making particles.
-fn resolved(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Result<Scene, Vec<Fault>> {
+/// Judges what a scene that names no files means, as far as possible without making particles: all
+/// but the number of steps.
+pub fn check(scene: &Scene, limits: &Limits) -> Result<(), Vec<Fault>> {
+    judge(scene, limits, &NoAssets).map(drop)
+}
+
+/// What a scene resolves to, if it has no fault that shows before particles are made.
+fn judge(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Result<Resolved, Vec<Fault>> {
     let mut faults = Faults::default();
-    let scene = resolve::resolve(scene, limits, assets, &mut faults);
-    validate::check(&scene, limits, &mut faults);
-    if faults.is_empty() { Ok(scene) } else { Err(faults.into_vec()) }
+    let resolved = resolve::resolve(scene, limits, assets, &mut faults);
+    validate::check(scene, &resolved, limits, &mut faults);
+    if faults.is_empty() { Ok(resolved) } else { Err(faults.into_vec()) }
 }
 
 /// [`problem_with`] for a scene that names no files.
@@ -108,12 +106,12 @@ pub fn problem(scene: &Scene, limits: &Limits) -> Result<Problem, Vec<Fault>> {
     problem_with(scene, limits, &NoAssets)
 }
 
-/// Judges what a scene means and makes it ready to run, with `assets` for the files that it names. Nothing is allocated before
-/// particles and memory are known to be in the limits.
+/// Judges what a scene means and makes it ready to run, with `assets` for the files that it names.
+/// Nothing is allocated before particles and memory are known to be within the limits.
 pub fn problem_with(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Result<Problem, Vec<Fault>> {
-    let scene = resolved(scene, limits, assets)?;
+    let resolved = judge(scene, limits, assets)?;
     let mut faults = Faults::default();
-    let problem = build::build(&scene);
+    let problem = build::build(scene, &resolved);
     for (n, body) in problem.setup.bodies.iter().take(scene.bodies.len()).enumerate() {
         if body.particles.is_empty() {
             let at = format!("/bodies/{n}/shape");

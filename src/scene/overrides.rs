@@ -1,14 +1,22 @@
-//! `path=value` changes to a scene document before it is read.
+//! Changes of the form `path=value` to a scene document before it is read.
 
 use serde_json::{Map, Value};
 
 use crate::fault::Fault;
 
-/// Applies `solver.kernel=quadratic`, `bodies.0.velocity=[0,0,1]` or, where a name has dots, `/materials/wet.sand/density=1800`.
+/// Applies overrides in order. Each one that cannot be applied is a fault.
 ///
-/// The value is JSON, or a string if it does not parse as JSON. Missing objects on the way are made. Fails when the text has no `=`, or the path
-/// leads through something that is neither an object nor an existing item of a list; whether the result is a scene shows later.
-pub fn apply(document: &mut Value, text: &str) -> Result<(), Fault> {
+/// An override is `solver.kernel=quadratic`, `bodies.0.velocity=[0,0,1]` or, where a name has dots,
+/// `/materials/wet.sand/density=1800`. Its value is JSON, or a string if it does not parse as JSON.
+/// Missing objects on the way are made. An override cannot be applied when the text has no `=`, or
+/// when the path leads through something that is neither an object nor an existing item of a list.
+/// Whether the result is a scene shows later.
+pub(crate) fn apply(document: &mut Value, overrides: &[String]) -> Result<(), Vec<Fault>> {
+    let refused: Vec<Fault> = overrides.iter().filter_map(|text| apply_one(document, text).err()).collect();
+    if refused.is_empty() { Ok(()) } else { Err(refused) }
+}
+
+fn apply_one(document: &mut Value, text: &str) -> Result<(), Fault> {
     let Some((path, value)) = text.split_once('=') else {
         return Err(bad(text, "has no `=`"));
     };
@@ -58,22 +66,24 @@ mod tests {
     #[test]
     fn sets_makes_and_refuses() {
         let mut scene = json!({ "bodies": [{ "name": "a" }], "materials": { "wet.sand": { "density": 1 } } });
-        for text in [
+        let good = [
             "solver.kernel=quadratic",
             "bodies.0.velocity=[0, 0, 1]",
             "/materials/wet.sand/density=1800",
             "name=42 = x",
             "solver.max_dt=1e-4",
-        ] {
-            apply(&mut scene, text).unwrap();
-        }
+        ];
+        apply(&mut scene, &good.map(str::to_owned)).unwrap();
         let expected = json!({
             "bodies": [{ "name": "a", "velocity": [0, 0, 1] }], "materials": { "wet.sand": { "density": 1800 } },
             "solver": { "kernel": "quadratic", "max_dt": 1e-4 }, "name": "42 = x",
         });
         assert_eq!(scene, expected);
-        for text in ["solver.kernel", "bodies.1.name=b", "name.x=1", "a..b=1", "=1"] {
-            assert_eq!(apply(&mut scene, text).unwrap_err().code, "bad_override", "{text}");
+        let bad = ["solver.kernel", "bodies.1.name=b", "name.x=1", "a..b=1", "=1"];
+        let faults = apply(&mut scene, &bad.map(str::to_owned)).unwrap_err();
+        assert_eq!(faults.len(), bad.len());
+        for (fault, text) in faults.iter().zip(bad) {
+            assert!(fault.code == "bad_override" && fault.reason.contains(text), "{text}: {fault}");
         }
         assert_eq!(scene, expected, "a refused override must change nothing");
     }

@@ -1,18 +1,20 @@
-//! Particles from files: PLY (x, y, z; vx, vy, vz if it has them) and npz (`x` n × d; `v` n × d, `F` n × d × d, `volume`).
+//! Particles from files: PLY (x, y, z; optionally vx, vy, vz) and npz (`x` n × d; optionally `v` n
+//! × d, `F` n × d × d and `volume`).
 
 use std::io::{Cursor, Read};
 
+use gridfall_core::sim::particles::IDENTITY;
 use npyz::{NpyFile, Order};
 use zip::ZipArchive;
 use zip::result::ZipError;
 
 use crate::mesh::ply;
-use gridfall_core::sim::particles::IDENTITY;
+use crate::vectors::vector3;
 
-/// Numbers of one array at most: 1 GiB.
+/// Most numbers of one array: 1 GiB.
 const MAX_NUMBERS: u64 = 1 << 27;
 
-/// Particles as a file has them, in the order of the file. 2D points have z = 0 and F_zz = 1.
+/// The particles of a file, in the order of the file. 2D points have z = 0 and F_zz = 1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
     /// Position (m).
@@ -30,7 +32,7 @@ pub fn is_npz(bytes: &[u8]) -> bool {
     bytes.starts_with(b"PK\x03\x04")
 }
 
-/// Reads points of a dimension. Errors say what is wrong with the file.
+/// Reads points of the given dimension. Errors say what is wrong with the file.
 pub fn read(bytes: &[u8], dimension: usize) -> Result<Points, String> {
     let points = if is_npz(bytes) {
         npz(bytes, dimension)?
@@ -68,11 +70,7 @@ fn npz(bytes: &[u8], dimension: usize) -> Result<Points, String> {
     let n = x.shape.first().copied().unwrap_or(0);
     let vectors = |array: Array, name: &str| -> Result<Vec<[f64; 3]>, String> {
         array.expect(name, &[n, d])?;
-        Ok(array
-            .values
-            .chunks_exact(dimension)
-            .map(|v| std::array::from_fn(|a| v.get(a).copied().unwrap_or(0.0)))
-            .collect())
+        Ok(array.values.chunks_exact(dimension).map(vector3).collect())
     };
     let x = vectors(x, "x")?;
     let v = array(&mut archive, "v")?.map(|v| vectors(v, "v")).transpose()?;
@@ -92,7 +90,7 @@ fn npz(bytes: &[u8], dimension: usize) -> Result<Points, String> {
     Ok(Points { x, v, f, volume })
 }
 
-/// The volume that all particles have; a body's particles have one.
+/// The volume of every particle; the particles of a body all have the same.
 fn one_volume(array: &Array, n: u64) -> Result<f64, String> {
     if !array.shape.is_empty() {
         array.expect("volume", &[n])?;
@@ -117,7 +115,7 @@ impl Array {
     }
 }
 
-/// Reads an array of the archive; none if it has none of that name.
+/// Reads an array of the archive; none if there is none of that name.
 fn array(archive: &mut ZipArchive<Cursor<&[u8]>>, name: &str) -> Result<Option<Array>, String> {
     let broken = |error: &dyn std::fmt::Display| format!("the array `{name}` cannot be read: {error}");
     let entry = match archive.by_name(&format!("{name}.npy")) {
@@ -143,7 +141,7 @@ fn array(archive: &mut ZipArchive<Cursor<&[u8]>>, name: &str) -> Result<Option<A
     Ok(Some(Array { shape, values }))
 }
 
-/// Column-major values in row-major order.
+/// Rearranges column-major values in row-major order.
 fn rows_first(values: &[f64], shape: &[u64]) -> Vec<f64> {
     let place = |mut k: usize| {
         // Digits of k, last axis fastest, become strides with the first axis fastest.
@@ -212,7 +210,8 @@ mod tests {
     fn ply_points_may_have_velocities() {
         let ply = |more: &str, row: &str| {
             format!(
-                "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty double z\n{more}end_header\n{row}\n{row}\n"
+                "ply\nformat ascii 1.0\nelement vertex 2\n\
+                 property float x\nproperty float y\nproperty double z\n{more}end_header\n{row}\n{row}\n"
             )
         };
         let points = read(ply("", "1 2 3").as_bytes(), 3).unwrap();

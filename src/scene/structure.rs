@@ -1,8 +1,10 @@
-//! Structure: types, missing and unknown fields, unknown choices, all faults of a document in one walk over its JSON Schema.
+//! Structure: types, missing and unknown fields, and unknown choices. One walk over the JSON Schema
+//! finds all such faults.
 //!
-//! The schema is the one that `schemars` derives from the scene's types, so that there is one truth. serde alone stops at the
-//! first error. The walk also returns the document with what is wrong taken out or replaced by a stand-in, so that the
-//! rest can still be judged by its meaning; pointers at fault are known and what depends on them is left alone.
+//! The schema is derived from the scene's types by `schemars`, so the types remain the only
+//! definition. serde alone would stop at the first error. The walk also returns a repaired
+//! document, in which faulty values are removed or replaced by stand-ins, so that the meaning of
+//! the rest can still be judged; what depends on a faulty value is skipped.
 
 use std::sync::LazyLock;
 
@@ -18,7 +20,8 @@ pub fn schema() -> &'static Value {
     &SCHEMA
 }
 
-/// Walks a document. Returns a document that has the structure of a scene: the same one if there are no faults.
+/// Checks a document. Returns one with the structure of a scene: the same document if it has no
+/// faults.
 pub fn check(document: &Value, faults: &mut Faults) -> Value {
     check_value(schema(), document, "", faults).unwrap_or_else(|| stand_in(schema()))
 }
@@ -31,7 +34,7 @@ fn resolve(mut node: &'static Value) -> &'static Value {
     node
 }
 
-/// The value, repaired; none when it is beyond use.
+/// The value, repaired; none if it is of no use.
 fn check_value(node: &'static Value, value: &Value, at: &str, faults: &mut Faults) -> Option<Value> {
     let node = resolve(node);
     if let Some(choices) = choices(node) {
@@ -43,7 +46,7 @@ fn check_value(node: &'static Value, value: &Value, at: &str, faults: &mut Fault
     if let Some(options) = node["anyOf"].as_array() {
         let real: Vec<&Value> = options.iter().filter(|option| option["type"] != "null").collect();
         if let ([only], false) = (real.as_slice(), value.is_null()) {
-            // A field that may be left out.
+            // An optional field.
             return check_value(only, value, at, faults);
         }
         let fitting = options.iter().find(|option| accepts(resolve(option), value));
@@ -121,7 +124,7 @@ fn check_fields(
     repaired
 }
 
-/// The strings that an enumeration allows; none if the node is something else.
+/// The strings that an enumeration allows; none if the node is not an enumeration.
 fn choices(node: &'static Value) -> Option<Vec<&'static str>> {
     let of = |node: &'static Value| -> Option<Vec<&'static str>> {
         match (node["const"].as_str(), node["enum"].as_array()) {
@@ -156,7 +159,8 @@ fn unknown_choice(text: &str, choices: &[&str], at: &str, faults: &mut Faults) {
     faults.add(at, "unknown_value", format!("{} is not known here", quote(text)), remedy);
 }
 
-/// An object that is one of several: told apart by a field with a fixed value (a tag), or by the name of its only field.
+/// Checks an object that is one of several variants, which differ in a field with a fixed value (a
+/// tag) or in the name of their only field.
 fn check_variant(variants: &'static [Value], value: &Value, at: &str, faults: &mut Faults) -> Option<Value> {
     let checked = find_variant(variants, value, at, faults);
     if checked.is_none() {
@@ -239,7 +243,7 @@ fn in_range(node: &Value, number: &serde_json::Number) -> bool {
     }
 }
 
-/// What a node takes, for people.
+/// What a node accepts, in words.
 fn describe(node: &'static Value) -> String {
     let node = resolve(node);
     if let Some(choices) = choices(node) {
@@ -260,7 +264,7 @@ fn describe(node: &'static Value) -> String {
     }
 }
 
-/// A value with the right structure and no meaning, for a place that is at fault.
+/// A value with the right structure but no meaning, to replace one that is at fault.
 fn stand_in(node: &'static Value) -> Value {
     let node = resolve(node);
     if let Some(choices) = choices(node) {

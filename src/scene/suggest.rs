@@ -10,7 +10,7 @@ pub fn list<'a>(choices: impl Iterator<Item = &'a str>) -> String {
     }
 }
 
-/// A word from a scene as messages show it, shortened when it is long.
+/// A word from a scene as messages show it, shortened if it is long.
 pub fn quote(word: &str) -> String {
     match word.char_indices().nth(60) {
         Some((end, _)) => format!("`{}…`", &word[..end]),
@@ -18,7 +18,7 @@ pub fn quote(word: &str) -> String {
     }
 }
 
-/// The choice that differs from `word` by a few letters at most, hyphens and case aside.
+/// The choice that differs from `word` by at most a few letters, ignoring hyphens and case.
 pub fn closest<'a>(word: &str, choices: &[&'a str]) -> Option<&'a str> {
     let plain = |text: &str| text.to_lowercase().replace(['-', ' '], "_");
     if word.len() > 100 {

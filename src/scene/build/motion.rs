@@ -1,36 +1,46 @@
-//! Colliders and grips of a valid scene, with their motions.
+//! The colliders and grips of a valid scene, and their motions.
 
-use crate::build::solid::{sdf, vector3};
-use crate::build::spin;
-use crate::schema::{self, Scene, Shape};
-use crate::validate::motion::grip_name;
 use gridfall_core::sim::collider::{Collider, Keyframe, Motion, Sdf};
 use gridfall_core::sim::setup::{Contact, ContactKind};
 
-/// The scene's colliders, then the grips of its bodies, which have the last word.
-pub(crate) fn colliders(scene: &Scene) -> Vec<Collider> {
-    let dimension = scene.dimension as usize;
-    let build = |name: String, shape: &Shape, given: &Option<schema::Motion>, from: Option<f64>, until: Option<f64>| {
-        let sdf = sdf(shape, dimension);
-        Collider {
-            name,
-            motion: motion(given.as_ref(), &sdf, dimension),
+use crate::schema::{self, Scene};
+use crate::shape::{self, Fields};
+use crate::vectors::{spin, vector3};
+
+/// The scene's colliders, then the grips of its bodies, which take precedence because they come
+/// last.
+pub(crate) fn colliders(scene: &Scene, fields: &Fields) -> Vec<Collider> {
+    let d = scene.dimension as usize;
+    let mut colliders = Vec::new();
+    for (n, collider) in scene.colliders.iter().enumerate() {
+        let sdf = shape::sdf(&collider.shape, &format!("/colliders/{n}/shape"), fields, d);
+        colliders.push(Collider {
+            name: collider.name.clone(),
+            motion: motion(collider.motion.as_ref(), &sdf, d),
             sdf,
-            contact: Contact { kind: ContactKind::Sticky, friction: 0.0 },
-            present_s: [from.unwrap_or(f64::NEG_INFINITY), until.unwrap_or(f64::INFINITY)],
-            grip: true,
+            contact: Contact { kind: collider.contact, friction: collider.friction },
+            present_s: present_s(collider.from, collider.until),
+            grip: false,
+        });
+    }
+    for (b, body) in scene.bodies.iter().enumerate() {
+        for (n, grip) in body.grips.iter().enumerate() {
+            let sdf = shape::sdf(&grip.shape, &format!("/bodies/{b}/grips/{n}/shape"), fields, d);
+            colliders.push(Collider {
+                name: grip.name_in(&body.name),
+                motion: motion(grip.motion.as_ref(), &sdf, d),
+                sdf,
+                contact: Contact { kind: ContactKind::Sticky, friction: 0.0 },
+                present_s: present_s(grip.from, grip.until),
+                grip: true,
+            });
         }
-    };
-    let colliders = scene.colliders.iter().map(|c| Collider {
-        contact: Contact { kind: c.contact, friction: c.friction },
-        grip: false,
-        ..build(c.name.clone(), &c.shape, &c.motion, c.from, c.until)
-    });
-    let grips = scene.bodies.iter().flat_map(|body| {
-        let name = |grip: &schema::Grip| grip_name(&body.name, &grip.name);
-        body.grips.iter().map(move |g| build(name(g), &g.shape, &g.motion, g.from, g.until))
-    });
-    colliders.chain(grips).collect()
+    }
+    colliders
+}
+
+fn present_s(from: Option<f64>, until: Option<f64>) -> [f64; 2] {
+    [from.unwrap_or(f64::NEG_INFINITY), until.unwrap_or(f64::INFINITY)]
 }
 
 fn motion(motion: Option<&schema::Motion>, sdf: &Sdf, dimension: usize) -> Motion {

@@ -1,23 +1,27 @@
-//! A tree of boxes over triangles: how far the nearest triangle is, and how often the surface winds around a point.
+//! A tree of boxes over triangles: the distance to the nearest triangle, and how often the surface
+//! winds around a point.
 
 use std::f64::consts::PI;
 
-use super::{TriangleMesh, cross, dot, sub};
+use super::triangles::{TriangleMesh, cross, dot, sub};
 
-/// Triangles of a leaf at most.
+/// Most triangles of a leaf.
 const LEAF: usize = 6;
 
-/// A node this many radii away counts as one dipole (Barill et al. 2018, Fast winding numbers for soups and clouds, §3).
+/// A node this many radii away counts as one dipole (Barill et al. 2018, Fast winding numbers for
+/// soups and clouds, §3).
 const FAR: f64 = 3.0;
 
 struct Node {
     lower: [f64; 3],
     upper: [f64; 3],
-    /// First triangle of a leaf, else the second child; the first child comes next.
+    /// The first triangle of a leaf, or the second child of an inner node; the first child follows
+    /// its parent.
     start: u32,
-    /// Triangles of a leaf; 0 for an inner node.
+    /// Number of triangles of a leaf; 0 for an inner node.
     count: u32,
-    /// Σ of area vectors (m²), their centre, and the reach of the node from there.
+    /// The sum of area vectors (m²), their centre, and the distance from there to the farthest
+    /// corner of the box.
     dipole: [f64; 3],
     center: [f64; 3],
     radius: f64,
@@ -41,7 +45,8 @@ impl Bvh {
         Self { nodes, triangles }
     }
 
-    /// Distance to the nearest triangle (m), and which it is. `guess`, a triangle that is likely near, saves most of the search.
+    /// Distance to the nearest triangle (m) and its number. `guess`, a triangle that is probably
+    /// near, saves most of the search.
     pub fn nearest(&self, x: [f64; 3], guess: usize) -> (f64, usize) {
         let mut best = self.triangles.get(guess).map_or((f64::INFINITY, guess), |t| (distance2(x, t), guess));
         let mut open = Vec::with_capacity(64);
@@ -62,7 +67,8 @@ impl Bvh {
         (best.0.sqrt(), best.1)
     }
 
-    /// The generalized winding number (Jacobson et al. 2013): 1 inside a closed mesh, 0 outside, between the two near holes.
+    /// The generalized winding number (Jacobson et al. 2013): 1 inside a closed mesh, 0 outside,
+    /// and between the two near holes.
     pub fn winding(&self, x: [f64; 3]) -> f64 {
         let mut sum = 0.0;
         let mut open = Vec::with_capacity(64);
@@ -91,7 +97,7 @@ impl Node {
     }
 }
 
-/// Builds the tree over `triangles[start..end]`, nodes in order of depth first.
+/// Builds the tree over `triangles[start..end]`, with nodes in depth-first order.
 fn build(nodes: &mut Vec<Node>, triangles: &mut [[[f64; 3]; 3]], start: usize, end: usize) {
     let own = &mut triangles[start..end];
     let (mut lower, mut upper) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
@@ -127,7 +133,8 @@ fn build(nodes: &mut Vec<Node>, triangles: &mut [[[f64; 3]; 3]], start: usize, e
     build(nodes, triangles, start + middle, end);
 }
 
-/// Squared distance from a point to a triangle (Ericson 2005, Real-time collision detection, §5.1.5).
+/// Squared distance from a point to a triangle (Ericson 2005, Real-time collision detection,
+/// §5.1.5).
 fn distance2(x: [f64; 3], [a, b, c]: &[[f64; 3]; 3]) -> f64 {
     let (ab, ac, ax) = (sub(*b, *a), sub(*c, *a), sub(x, *a));
     let to = |u: f64, v: f64| {
@@ -165,7 +172,8 @@ fn distance2(x: [f64; 3], [a, b, c]: &[[f64; 3]; 3]) -> f64 {
     if sum > 0.0 { to(vb / sum, vc / sum) } else { to(0.0, 0.0).min(to(1.0, 0.0)).min(to(0.0, 1.0)) }
 }
 
-/// Solid angle of a triangle seen from a point (van Oosterom & Strackee 1983), positive from behind its outward side.
+/// Solid angle of a triangle seen from a point (van Oosterom & Strackee 1983), positive from behind
+/// its outward side.
 fn solid_angle(x: [f64; 3], t: &[[f64; 3]; 3]) -> f64 {
     let [a, b, c] = t.map(|v| sub(v, x));
     let [la, lb, lc] = [a, b, c].map(|v| dot(v, v).sqrt());

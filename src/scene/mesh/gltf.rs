@@ -8,13 +8,12 @@ use gltf::accessor::{DataType, Dimensions};
 use gltf::buffer::Source;
 use gltf::mesh::Mode;
 
-use super::TriangleMesh;
-use super::read::MeshError;
+use super::triangles::{MeshError, TriangleMesh};
 
-/// Nodes may be nested this deeply.
+/// How deeply nodes may be nested.
 const MAX_DEPTH: usize = 64;
 
-/// All triangles of the default scene, each node in its place, turned from y up to z up.
+/// All triangles of the default scene, with every node in its place, rotated from y up to z up.
 pub fn mesh(bytes: &[u8]) -> Result<TriangleMesh, MeshError> {
     let file = gltf::Gltf::from_slice(bytes).map_err(|error| MeshError(format!("the glTF is broken: {error}")))?;
     let mut buffers: Vec<Cow<[u8]>> = Vec::new();

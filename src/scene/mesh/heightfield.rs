@@ -1,9 +1,10 @@
 //! A heightfield as a closed mesh: the solid between a flat base and a surface over a rectangle.
 
-use super::TriangleMesh;
+use super::triangles::TriangleMesh;
 
-/// The solid below `heights` (m, along z), which cover the rectangle `min`…`max` evenly: `heights[j][i]` with i along x and j along
-/// y. Each cell of the surface is two triangles, cut from (i, j) to (i + 1, j + 1). None when lengths or values make no solid.
+/// The solid below `heights` (m, along z), which are evenly spaced over the rectangle from `min` to
+/// `max`: `heights[j][i]` with i along x and j along y. Each cell of the surface is two triangles,
+/// cut from (i, j) to (i + 1, j + 1). None if lengths or values make no solid.
 pub fn solid(min: &[f64], max: &[f64], base: f64, heights: &[Vec<f64>]) -> Option<TriangleMesh> {
     let columns = heights.first().map_or(0, Vec::len);
     let even = heights.iter().all(|row| row.len() == columns && row.iter().all(|h| *h >= base && h.is_finite()));
@@ -46,8 +47,8 @@ fn build(min: [f64; 2], max: [f64; 2], base: f64, heights: &[Vec<f64>]) -> Trian
     mesh
 }
 
-/// The 2D solid below a row of heights over `min`…`max`, as a mesh so deep along z that its section at z = 0 knows nothing of its
-/// ends. None when lengths or values make no solid.
+/// The 2D solid below a row of heights from `min` to `max`, as a mesh so deep along z that its ends
+/// do not affect its section at z = 0. None if lengths or values make no solid.
 pub fn section(min: &[f64], max: &[f64], base: f64, heights: &[Vec<f64>]) -> Option<TriangleMesh> {
     let ([min], [max], [heights]) = (min, max, heights) else { return None };
     let (low, high) = heights.iter().fold((base, base), |(low, high), h| (low.min(*h), high.max(*h)));

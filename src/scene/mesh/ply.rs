@@ -5,13 +5,12 @@ use std::io::BufRead;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 
-use super::TriangleMesh;
-use super::read::MeshError;
+use super::triangles::{MeshError, TriangleMesh};
 
-/// The numbers of interest of a vertex; those that the file lacks are NaN.
+/// The properties of a vertex that are read; those that the file lacks are NaN.
 const NAMES: [&str; 6] = ["x", "y", "z", "vx", "vy", "vz"];
 
-/// An element of any kind: what it has of the numbers of interest, and the corners of a face.
+/// An element of any kind: the properties that are read, and the corners of a face.
 struct Element {
     values: [f64; 6],
     corners: Vec<u32>,
@@ -60,7 +59,7 @@ struct Contents {
 }
 
 fn contents(bytes: &[u8]) -> Result<Contents, MeshError> {
-    // The parser's further lines repeat the file's.
+    // After the first line the parser repeats the file.
     let first = |error: &dyn std::fmt::Display| error.to_string().lines().next().unwrap_or_default().to_owned();
     let broken = |error: &dyn std::fmt::Display| MeshError(format!("the PLY is broken: {}", first(error)));
     let parser = Parser::<Element>::new();
@@ -84,7 +83,7 @@ fn contents(bytes: &[u8]) -> Result<Contents, MeshError> {
     Ok(contents)
 }
 
-/// The faces of a PLY, polygons cut into fans.
+/// The faces of a PLY; polygons are cut into fans.
 pub fn mesh(bytes: &[u8]) -> Result<TriangleMesh, MeshError> {
     let Contents { vertices, faces, has } = contents(bytes)?;
     if !has[..3].iter().all(|has| *has) {
@@ -103,10 +102,10 @@ pub fn mesh(bytes: &[u8]) -> Result<TriangleMesh, MeshError> {
     })
 }
 
-/// Vectors, one a vertex.
+/// One vector per vertex.
 type Vectors = Vec<[f64; 3]>;
 
-/// The vertices of a PLY, and their velocities if it has all components of them.
+/// The vertices of a PLY, and their velocities if the file has all three components.
 pub fn points(bytes: &[u8]) -> Result<(Vectors, Option<Vectors>), MeshError> {
     let Contents { vertices, has, .. } = contents(bytes)?;
     if !has[..3].iter().all(|has| *has) {

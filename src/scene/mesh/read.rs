@@ -1,13 +1,14 @@
-//! Files to meshes: STL, OBJ, PLY and glTF, told apart by their first bytes.
+//! Files to meshes: STL, OBJ, PLY and glTF, recognised by their first bytes.
 
 use std::io::Cursor;
 
-use super::{TriangleMesh, gltf, ply};
+use super::triangles::{MeshError, TriangleMesh};
+use super::{gltf, ply};
 
-/// Triangles of a mesh at most.
+/// Most triangles that a mesh may have.
 const MAX_TRIANGLES: usize = 8_000_000;
 
-/// What a file of bytes seems to be.
+/// What a file seems to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     Stl,
@@ -17,7 +18,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Usual extension of its files.
+    /// The usual extension of its files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Stl => "stl",
@@ -28,17 +29,7 @@ impl Format {
     }
 }
 
-/// Why a mesh cannot be used.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct MeshError(pub String);
-
-impl MeshError {
-    pub fn new(what: impl std::fmt::Display) -> Self {
-        Self(what.to_string())
-    }
-}
-
-/// The format of a mesh; none when it is none of those known.
+/// The format of a mesh; none if it is not a known one.
 pub fn format(bytes: &[u8]) -> Option<Format> {
     let head = &bytes[..bytes.len().min(4096)];
     let starts = |mark: &[u8]| head.trim_ascii_start().starts_with(mark);
@@ -58,7 +49,8 @@ pub fn format(bytes: &[u8]) -> Option<Format> {
     }
 }
 
-/// Reads a mesh and welds its vertices. Lengths are taken as metres; glTF's y axis, which points up there, becomes z.
+/// Reads a mesh and welds its vertices. Lengths are in metres. The y axis of glTF points up and
+/// becomes z.
 pub fn read(bytes: &[u8]) -> Result<TriangleMesh, MeshError> {
     let mut mesh = match format(bytes) {
         Some(Format::Stl) => stl(bytes),
@@ -102,7 +94,7 @@ fn stl(bytes: &[u8]) -> Result<TriangleMesh, MeshError> {
 fn obj(bytes: &[u8]) -> Result<TriangleMesh, MeshError> {
     let options =
         tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
-    // Colours and textures are of no use here.
+    // Colours and textures are not needed.
     let no_materials = |_: &std::path::Path| Ok(Default::default());
     let (models, _) = tobj::load_obj_buf(&mut Cursor::new(bytes), &options, no_materials)
         .map_err(|error| MeshError(format!("the OBJ is broken: {error}")))?;

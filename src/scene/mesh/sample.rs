@@ -1,13 +1,14 @@
 //! A mesh's signed distance on a lattice.
 
+use gridfall_core::sim::collider::Field;
 use rayon::prelude::*;
 
-use super::TriangleMesh;
 use super::bvh::Bvh;
+use super::triangles::TriangleMesh;
 use crate::schema::Fill;
-use gridfall_core::sim::collider::Field;
 
-/// Samples of one field at most: 64 MiB, and up to some minutes of one core for a mesh of a million triangles.
+/// Most samples of one field: 64 MiB, and up to a few minutes on one core for a mesh of a million
+/// triangles.
 pub const MAX_SAMPLES: u64 = 1 << 24;
 
 /// Samples beyond the solid's bounds on each side.
@@ -23,7 +24,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// A lattice with `spacing` over a mesh; in 2D over its section at z = 0.
+    /// A lattice of the given spacing over a mesh; in 2D over its section at z = 0.
     pub fn new(mesh: &TriangleMesh, spacing: f64, dimension: usize) -> Self {
         let [mut lower, mut upper] = mesh.bounds();
         let (mut origin, mut size) = ([0.0; 3], [1; 3]);
@@ -32,7 +33,7 @@ impl Plan {
                 (lower[a], upper[a]) = (f64::NEG_INFINITY, f64::INFINITY);
                 continue;
             }
-            // Whole spacings, tolerant of rounding, with half of what is left over on each side.
+            // Whole spacings, tolerant of rounding, with half of the remainder on each side.
             let cells = ((upper[a] - lower[a]) / spacing - 1e-6).ceil().max(0.0);
             origin[a] = 0.5 * (lower[a] + upper[a]) - (0.5 * cells + MARGIN) * spacing;
             size[a] = (cells + 2.0 * MARGIN) as usize + 1;
@@ -47,8 +48,8 @@ impl Plan {
         self.size.iter().fold(1u64, |n, &size| n.saturating_mul(size as u64))
     }
 
-    /// Samples the mesh. Of an open one, the distance u to the triangles is weighted to u (1 - 2w) with the winding number w: it is
-    /// ±u far from holes, and crosses zero smoothly where a hole is closed.
+    /// Samples the mesh. For an open mesh with the winding number w, the distance u to the triangles
+    /// becomes u (1 - 2w): it is ±u far from holes and crosses zero smoothly where a hole is closed.
     pub fn sample(&self, mesh: &TriangleMesh, fill: Fill) -> Field {
         let bvh = Bvh::new(mesh);
         let [nx, ny, _] = self.size;
@@ -61,12 +62,13 @@ impl Plan {
             let (mut before, mut sign, mut triangle) = (f64::INFINITY, 1.0, 0);
             for (i, sample) in samples.iter_mut().enumerate() {
                 let x = at(i);
-                // The nearest triangle of a sample is close to that of the next one.
+                // Neighbouring samples have close nearest triangles.
                 let (u, nearest) = bvh.nearest(x, triangle);
                 let value = match fill {
                     Fill::WindingNumber => u * (1.0 - 2.0 * bvh.winding(x).clamp(0.0, 1.0)),
                     Fill::Watertight => {
-                        // No surface lies between two samples further from it than from each other.
+                        // No surface lies between two samples that are farther from it than from
+                        // each other.
                         if i == 0 || before <= self.spacing {
                             sign = if bvh.winding(x) > 0.5 { -1.0 } else { 1.0 };
                         }

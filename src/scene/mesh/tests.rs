@@ -1,5 +1,6 @@
 //! Formats, welding, watertightness, signed distances of meshes.
 
+use super::triangles::dot;
 use super::*;
 use crate::schema::Fill;
 
@@ -67,7 +68,8 @@ fn ply(mesh: &TriangleMesh) -> Vec<u8> {
     let vertices: String = mesh.vertices.iter().map(|[x, y, z]| format!("{x} {y} {z} 255\n")).collect();
     let faces: String = mesh.triangles.iter().map(|[a, b, c]| format!("3 {a} {b} {c}\n")).collect();
     format!(
-        "ply\nformat ascii 1.0\ncomment a cube\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
+        "ply\nformat ascii 1.0\ncomment a cube\nelement vertex {}\n\
+         property float x\nproperty float y\nproperty float z\n\
          property uchar red\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n{vertices}{faces}",
         mesh.vertices.len(),
         mesh.triangles.len()
@@ -142,7 +144,7 @@ fn what_is_no_mesh_is_refused_and_never_panics() {
         let error = read(&bytes).unwrap_err();
         assert!(error.0.contains(part), "{:?}: {}", String::from_utf8_lossy(&bytes), error.0);
     }
-    // Cut short anywhere, a file is refused or read, never a panic.
+    // A file that is cut short anywhere is refused or read, without a panic.
     for whole in [binary_stl(&cube()), ply(&cube()), gltf(&cube()), obj(&cube()), ascii_stl(&cube())] {
         for end in (0..whole.len()).step_by(7) {
             let _ = read(&whole[..end]);
@@ -196,7 +198,7 @@ fn a_ball_has_the_distances_of_a_ball() {
 
 #[test]
 fn winding_numbers_close_holes() {
-    // Without its top, a cube is filled up to where the top was, and little beyond.
+    // Without its top, a cube is filled up to where the top was and little beyond.
     let mut mesh = cube();
     mesh.triangles.retain(|t| !t.iter().all(|v| mesh.vertices[*v as usize][2] == 1.0));
     assert_eq!(mesh.triangles.len(), 10);

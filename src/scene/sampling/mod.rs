@@ -1,7 +1,9 @@
-//! Shapes to points: the lattice points inside a solid, counted without storing them or drawn in a fixed order.
+//! Shapes to points: the lattice points inside a solid, counted without being stored, or sampled in
+//! a fixed order.
 //!
-//! The lattice has spacing h = dx / ppc^(1/d), aligned with the grid, half a spacing from its lines. Signed distances never
-//! exceed the true distance, so one evaluation at the centre of a block of points can settle all of them: the cost of a count
+//! The lattice has a spacing of h = dx / ppc^(1/d). It is aligned with the grid, half a spacing
+//! from the grid lines. Signed distances never exceed the true distance, so a single evaluation at
+//! the centre of a block can decide for all points of the block. The cost of a count therefore
 //! grows with the surface of the solid.
 
 pub mod poisson;
@@ -10,27 +12,28 @@ use std::ops::Range;
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
+use gridfall_core::sim::collider::Sdf;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::sampling::poisson::Darts;
 use crate::schema::Sampling;
-use gridfall_core::sim::collider::Sdf;
 
-/// Points closer to the surface than this many spacings count as outside, so that rounding cannot decide where two bodies touch.
+/// Points closer to the surface than this many spacings count as outside, so that rounding decides
+/// nothing where two bodies touch.
 const TIE: f64 = 1e-9;
 
-/// Lattice indices stay below this on either side; a scene's limits are far below it.
+/// Bound on the magnitude of lattice indices; the limits of scenes are far lower.
 const FAR: f64 = (1u64 << 38) as f64;
 
-/// Blocks of the lattice are split down to this many points.
+/// Blocks of the lattice are split until they have at most this many points.
 const LEAF_POINTS: u64 = 512;
 
-/// Points on each axis, for one of the lattice, that measure a volume.
+/// Points per lattice point, along each axis, with which a volume is measured.
 const FINER: i64 = 4;
 
-/// Points near the surface that are tested for each point that may be inside, before a count is given up.
+/// Tests of points near the surface, per point that may be inside, before a count is abandoned.
 const TESTS_PER_POINT: u64 = 16;
 
 /// The lattice of a body.
@@ -39,16 +42,17 @@ pub struct Lattice {
     pub origin: [f64; 3],
     pub spacing: f64,
     pub dimension: usize,
-    /// Indices to look at on each axis (0..1 on z in 2D).
+    /// Candidate indices on each axis (0..1 on z in 2D).
     pub range: [Range<i64>; 3],
-    /// Upper corner of the grid it is clipped to.
+    /// Upper corner of the grid that the lattice is clipped to.
     end: [f64; 3],
 }
 
-/// Half-open block of lattice indices.
+/// A half-open block of lattice indices.
 type Block = [Range<i64>; 3];
 
-/// A count that is given up when it gets too large. Whether that happens does not depend on the order of the work.
+/// A count that is abandoned when it becomes too large. Whether that happens does not depend on the
+/// order of the work.
 struct Count {
     inside: AtomicU64,
     tested: AtomicU64,
@@ -83,7 +87,7 @@ impl Lattice {
         Self { origin, spacing, dimension, range, end: [f64::INFINITY; 3] }
     }
 
-    /// The part of the lattice inside a grid of `cells`, with `per_axis` points to a cell.
+    /// The part of the lattice inside a grid of `cells` with `per_axis` points per cell and axis.
     pub fn clipped(&self, cells: [usize; 3], per_axis: f64) -> Self {
         let range = std::array::from_fn(|a| {
             if a >= self.dimension {
@@ -97,19 +101,20 @@ impl Lattice {
         Self { range, end, ..self.clone() }
     }
 
-    /// Poisson-disk sampling with as many points.
+    /// Poisson-disk sampling at the density of the lattice.
     pub fn darts(&self) -> Darts {
         Darts::new(self.origin, self.spacing.powi(-(self.dimension as i32)), self.dimension)
     }
 
-    /// The box that the lattice's cells fill, inside the grid, lower then upper corner.
+    /// Lower and upper corner of the box that the cells of the lattice fill inside the grid.
     pub fn bounds(&self) -> [[f64; 3]; 2] {
         let corner = |i: &dyn Fn(usize) -> i64| self.point([i(0), i(1), i(2)], [0.0; 3]);
         let upper = corner(&|a| self.range[a].end);
         [corner(&|a| self.range[a].start), std::array::from_fn(|a| upper[a].min(self.end[a]))]
     }
 
-    /// The solid's volume (m^d) in the lattice's range, from points `FINER` times as close.
+    /// The volume of the solid (m^d) in the range of the lattice, measured with points `FINER`
+    /// times as close.
     pub fn volume(&self, sdf: &Sdf) -> f64 {
         let range = std::array::from_fn(|a| {
             if a < self.dimension { FINER * self.range[a].start..FINER * self.range[a].end } else { 0..1 }
@@ -119,12 +124,13 @@ impl Lattice {
         inside as f64 * fine.spacing.powi(self.dimension as i32)
     }
 
-    /// Number of points looked at; the methods below want it below 2⁶³.
+    /// Number of points in the range; the methods below need it to be below 2⁶³.
     pub fn candidates(&self) -> f64 {
         self.range.iter().map(|r| (r.end - r.start) as f64).product()
     }
 
-    /// Position of a lattice point, moved by `offset` spacings from the lower corner of its cell (½ is the point itself).
+    /// The position `offset` spacings from the lower corner of a lattice point's cell (½ is the
+    /// point itself).
     fn point(&self, i: [i64; 3], offset: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|a| {
             if a < self.dimension { self.origin[a] + (i[a] as f64 + offset[a]) * self.spacing } else { 0.0 }
@@ -149,8 +155,9 @@ impl Lattice {
         sdf.distance(x) < -TIE * self.spacing
     }
 
-    /// Number of lattice points inside the solid, which is also the expected number of jittered points; none when there are more than
-    /// `most`, or so much surface that they cannot be told with work in proportion to `most`.
+    /// Number of lattice points inside the solid, which is also the expected number of jittered
+    /// points. None if there are more than `most`, or if the surface is so large that counting
+    /// takes more than work in proportion to `most`.
     pub fn count(&self, sdf: &Sdf, most: u64) -> Option<u64> {
         let count = Count { inside: AtomicU64::new(0), tested: AtomicU64::new(0), most };
         self.count_in(sdf, &self.range, &count);
@@ -177,9 +184,10 @@ impl Lattice {
         }
     }
 
-    /// The points inside the solid, block by block; the order and the random draws depend on nothing but the arguments.
+    /// The points inside the solid, block by block. Their order and the random numbers depend only
+    /// on the arguments.
     ///
-    /// Poisson-disk points are as dense as the lattice, in the part of space that it covers.
+    /// Poisson-disk points are as dense as the lattice and lie in the box that it covers.
     pub fn sample(&self, sdf: &Sdf, sampling: Sampling, seed: u64, body: u64) -> Vec<[f64; 3]> {
         if sampling == Sampling::PoissonDisk {
             return self.darts().throw(sdf, self.bounds(), seed, body);
@@ -213,7 +221,7 @@ impl Lattice {
     }
 }
 
-/// A generator of its own for each body and block.
+/// A separate generator for each body and block.
 fn random(seed: u64, body: u64, block: &Block) -> ChaCha8Rng {
     let mut key = [0; 32];
     key[..8].copy_from_slice(&seed.to_le_bytes());
@@ -236,7 +244,7 @@ fn indices(block: &Block) -> impl Iterator<Item = [i64; 3]> {
     })
 }
 
-/// The block cut across its longest axis; none when it is small enough.
+/// The block cut across its longest axis; none if it is small enough.
 fn halves(block: &Block) -> Option<(Block, Block)> {
     if points(block) <= LEAF_POINTS {
         return None;

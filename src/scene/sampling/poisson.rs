@@ -1,33 +1,33 @@
-//! Poisson-disk sampling: points at random, none closer to another than a radius, by parallel dart throwing (Wei 2008, Parallel
-//! Poisson Disk Sampling).
+//! Poisson-disk sampling: random points that are at least a radius apart, by parallel dart throwing
+//! (Wei 2008, Parallel Poisson Disk Sampling).
 //!
-//! The plane or space is cut into cells as wide as the radius. Cells whose indices are alike modulo 2 are at least a radius apart, so
-//! all cells of one of the 2^d phases can throw darts at the same time. Every cell draws from a generator of its own: the points
-//! depend on seed, body and radius only, not on threads, and near the surface they are as dense as inside, because the cells
-//! beyond it take part.
+//! The plane or space is divided into cells as wide as the radius. Cells with equal indices modulo
+//! 2 are at least a radius apart, so all cells of one of the 2^d phases can throw darts at the same
+//! time. Every cell has its own generator: the points depend only on seed, body and radius, not on
+//! threads. They are as dense near the surface as inside, because cells beyond the surface take
+//! part.
 
 use std::collections::HashMap;
 
+use gridfall_core::sim::collider::Sdf;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use gridfall_core::sim::collider::Sdf;
-
-/// Rounds in which every cell throws darts, and darts a round.
+/// Rounds in which every cell throws darts, and darts per round.
 const ROUNDS: u64 = 12;
 const DARTS: usize = 6;
 
-/// Points that a cell can hold: its corners are a radius apart.
+/// Most points of a cell, whose corners are a radius apart.
 const MOST: usize = 8;
 
 /// Memory of a cell while the points are drawn (bytes), neighbours and table included.
 pub const CELL_BYTES: u64 = 512;
 
-/// n r^d for n points a unit of volume, measured for these rounds and darts (2D, 3D).
+/// n r^d for n points per unit of volume, measured for these numbers of rounds and darts (2D, 3D).
 const DENSITY: [f64; 2] = [0.673, 0.643];
 
-/// Points with a density of `per_volume` (1/m^d), as a rule for the cells that a solid needs.
+/// Poisson-disk sampling with a given radius on cells that start at `origin`.
 #[derive(Clone, Copy, Debug)]
 pub struct Darts {
     origin: [f64; 3],
@@ -39,18 +39,20 @@ type Index = [i32; 3];
 
 struct Cell {
     index: Index,
-    /// Itself and those around it that take part.
+    /// The cell itself and those around it that take part.
     near: Vec<u32>,
     points: Vec<[f64; 3]>,
 }
 
 impl Darts {
+    /// Sampling with a density of `per_volume` points (1/m^d).
     pub fn new(origin: [f64; 3], per_volume: f64, dimension: usize) -> Self {
         let radius = (DENSITY[dimension - 2] / per_volume).powf(1.0 / dimension as f64);
         Self { origin, radius, dimension }
     }
 
-    /// Number of cells that [`Darts::throw`] would fill for a solid in `bounds`; none when there are more than `most`.
+    /// Number of cells that [`Darts::throw`] would fill for a solid in `bounds`; none if there are
+    /// more than `most`.
     pub fn count_cells(&self, sdf: &Sdf, bounds: [[f64; 3]; 2], most: u64) -> Option<u64> {
         let mut cells = Vec::new();
         self.cells(sdf, self.range(bounds), most, &mut cells).then_some(cells.len() as u64)
@@ -89,7 +91,7 @@ impl Darts {
         cells.par_iter().flat_map_iter(kept).collect()
     }
 
-    /// One round of darts of one cell.
+    /// The points that one cell gains in one round.
     fn fill(&self, cells: &[Cell], n: usize, random: &mut ChaCha8Rng) -> Vec<[f64; 3]> {
         let cell = &cells[n];
         let mut added: Vec<[f64; 3]> = Vec::new();
@@ -110,7 +112,7 @@ impl Darts {
         added
     }
 
-    /// Indices of the cells that meet the box, and one more on each side.
+    /// Indices of the cells that meet the box, with one more on each side.
     fn range(&self, bounds: [[f64; 3]; 2]) -> [Index; 2] {
         let index = |x: f64, a: usize| ((x - self.origin[a]) / self.radius).floor() as i32;
         let range = |side: usize, more: i32| {
@@ -119,7 +121,8 @@ impl Darts {
         [range(0, -1), range(1, 2)]
     }
 
-    /// The cells of a half-open range that are in the solid or within a radius of it; false when there are more than `most`.
+    /// Finds the cells of a half-open range that are in the solid or within a radius of it. False
+    /// if there are more than `most`.
     fn cells(&self, sdf: &Sdf, [low, high]: [Index; 2], most: u64, found: &mut Vec<Index>) -> bool {
         let extent: [i32; 3] = std::array::from_fn(|a| high[a] - low[a]);
         let middle: [f64; 3] = std::array::from_fn(|a| {
@@ -142,12 +145,12 @@ impl Darts {
     }
 }
 
-/// A generator of its own for each body, cell and round.
+/// A separate generator for each body, cell and round.
 fn random(seed: u64, body: u64, cell: Index, round: u64) -> ChaCha8Rng {
     let mut key = [0; 32];
     key[..8].copy_from_slice(&seed.to_le_bytes());
     key[8..12].copy_from_slice(&(body as u32).to_le_bytes());
-    // Told apart from the generators of jittered lattices.
+    // Distinguishes it from the generators of jittered lattices.
     key[12..16].copy_from_slice(b"disk");
     for a in 0..3 {
         key[16 + 4 * a..20 + 4 * a].copy_from_slice(&cell[a].to_le_bytes());
@@ -205,7 +208,7 @@ mod tests {
         assert_eq!(draw(7, 0), one_thread.install(|| draw(7, 0)));
         assert_ne!(draw(7, 0), draw(8, 0));
         assert_ne!(draw(7, 0), draw(7, 1));
-        // A smaller solid keeps the points that lie in it.
+        // A smaller solid keeps most of the points that lie in it.
         let small = darts.throw(&cube([0.2; 3]), BOUNDS, 7, 0);
         let large = draw(7, 0);
         let kept = small.iter().filter(|x| large.contains(x)).count();

@@ -1,9 +1,11 @@
 //! What moves by prescription: colliders, grips and their motions.
 
+use gridfall_core::sim::contact::ContactKind;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{ContactKind, Shape, Vector};
+use super::shape::Shape;
+use super::vector::Vector;
 
 /// A rigid obstacle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -44,6 +46,13 @@ pub struct Grip {
     pub until: Option<f64>,
 }
 
+impl Grip {
+    /// The name of a grip outside its body.
+    pub fn name_in(&self, body: &str) -> String {
+        format!("{body}/{}", self.name)
+    }
+}
+
 /// Rigid motion of a collider: velocities, or keyframes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -60,7 +69,8 @@ pub struct Motion {
     /// Axis of the keyframes' angles (3D); default z.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis: Option<Vector>,
-    /// At least two, by rising time, in the place of the velocities. Linear between them, held before the first and after the last.
+    #[doc = "At least two, by rising time, in the place of the velocities. Linear between them, held before \
+             the first and after the last."]
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub keyframes: Vec<Keyframe>,
 }

@@ -3,7 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Sampling, Shape, Vector};
+use super::body::Sampling;
+use super::shape::Shape;
+use super::vector::Vector;
 
 /// A shape that emits material: a regular stream that moves with `velocity` appears where it enters the shape.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

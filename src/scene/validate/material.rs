@@ -1,12 +1,13 @@
 //! Meaning of material parameters: signs and ranges.
 
-use crate::fault::join;
-use crate::schema::Material;
-use crate::validate::Check;
 use gridfall_core::material::parameters::Elastic;
 
+use crate::fault::join;
+use crate::schema::Material;
+use crate::validate::check::Check;
+
 /// Judges the parameters of a material.
-pub(crate) fn check_material(check: &mut Check, at: &str, material: &Material) {
+pub fn check_material(check: &mut Check, at: &str, material: &Material) {
     if let Some(elastic) = material.elastic() {
         check_elastic(check, at, &elastic);
     }

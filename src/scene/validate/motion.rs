@@ -1,18 +1,19 @@
-//! Meaning of what moves by prescription: colliders, grips and their motions.
+//! Meaning of colliders, grips and their prescribed motions.
 
-use crate::build::solid::sdf;
-use crate::fault::join;
-use crate::schema::{Keyframe, Motion, Scene, Shape};
-use crate::validate::Check;
-use crate::validate::shape::{check_shape, direction};
 use gridfall_core::sim::reaction::{WALLS, wall_name};
 
-/// Judges all colliders, and the grips of all bodies, which become colliders.
-pub(crate) fn check_colliders(check: &mut Check, scene: &Scene) {
+use crate::fault::join;
+use crate::schema::{Keyframe, Motion, Shape};
+use crate::validate::check::Check;
+use crate::validate::shape::{check_shape, direction};
+
+/// Judges all colliders and the grips of all bodies, which become colliders as well.
+pub fn check_colliders(check: &mut Check) {
+    let scene = check.scene;
     let colliders = scene.colliders.iter().enumerate().map(|(n, c)| (format!("/colliders/{n}/name"), c.name.clone()));
     let grips = scene.bodies.iter().enumerate().flat_map(|(b, body)| {
         let grips = body.grips.iter().enumerate();
-        grips.map(move |(n, grip)| (format!("/bodies/{b}/grips/{n}/name"), grip_name(&body.name, &grip.name)))
+        grips.map(move |(n, grip)| (format!("/bodies/{b}/grips/{n}/name"), grip.name_in(&body.name)))
     });
     check.unique(colliders.chain(grips));
     for (n, c) in scene.colliders.iter().enumerate() {
@@ -39,13 +40,8 @@ pub(crate) fn check_colliders(check: &mut Check, scene: &Scene) {
     }
 }
 
-/// What a grip is called outside its body.
-pub(crate) fn grip_name(body: &str, grip: &str) -> String {
-    format!("{body}/{grip}")
-}
-
-/// `from` and `until` of the value at `at`.
-pub(crate) fn interval(check: &mut Check, at: &str, from: Option<f64>, until: Option<f64>) {
+/// Judges `from` and `until` of the value at `at`.
+pub fn interval(check: &mut Check, at: &str, from: Option<f64>, until: Option<f64>) {
     if let Some(from) = from {
         check.not_negative(&join(at, "from"), from, "the first time");
     }
@@ -76,7 +72,7 @@ fn motion(check: &mut Check, at: &str, motion: Option<&Motion>, shape: &Shape) {
     let spins = motion.angular_velocity.iter().flatten().any(|w| *w != 0.0);
     let turns = spins || motion.keyframes.iter().any(|key| key.angle_degrees != 0.0);
     if turns && motion.center.is_none() && check.has_dimension() && check.faults.clean(&shape_at) {
-        let [lower, upper] = sdf(shape, check.dimension).bounds();
+        let [lower, upper] = check.sdf(&shape_at, shape).bounds();
         if (0..check.dimension).any(|a| !(lower[a] + upper[a]).is_finite()) {
             let reason = "an unbounded shape turns and has no centre to turn about";
             check.fault(&join(&at, "center"), "missing_field", reason, "add `center`");

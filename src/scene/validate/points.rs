@@ -1,13 +1,12 @@
 //! Meaning of particles from files: one source, one deformation, all in the domain.
 
-use crate::build::determinant;
-use crate::build::solid::vector3;
 use crate::fault::join;
 use crate::schema::{Body, Points};
-use crate::validate::Check;
+use crate::validate::check::Check;
+use crate::vectors::{determinant, vector3};
 
-/// Judges the particles of a body at `at`; how many there are, if that can be told.
-pub(crate) fn check_points(check: &mut Check, at: &str, body: &Body, points: &Points) -> Option<u64> {
+/// Judges the particles of the body at `at`. Returns their number if it is known.
+pub fn check_points(check: &mut Check, at: &str, body: &Body, points: &Points) -> Option<u64> {
     let at_points = join(at, "points");
     if points.asset.is_some() == points.file.is_some() {
         let reason = if points.asset.is_some() { "`asset` is given beside `file`" } else { "the file is missing" };
@@ -15,8 +14,8 @@ pub(crate) fn check_points(check: &mut Check, at: &str, body: &Body, points: &Po
         check.fault(&at_points, "not_one_source", reason, remedy);
         return None;
     }
-    // Why a file could not be read is a fault already.
-    let read = points.read.as_ref()?;
+    // A file that could not be read is a fault already.
+    let read = check.resolved.points.get(&at_points)?;
     if let Some(f) = &read.f {
         for (field, given) in [("deformation_gradient", body.deformation_gradient.is_some()), ("J", body.j.is_some())] {
             if given {

@@ -1,21 +1,21 @@
-//! Meaning of shapes: lengths, radii, axes, and programs that an evaluator can hold.
+//! Meaning of shapes: lengths, radii, axes, and whether the program fits the evaluator.
 
-use crate::build::solid::sdf;
-use crate::fault::join;
-use crate::schema::{Sampled, Shape};
-use crate::validate::Check;
 use gridfall_core::sim::collider::SDF_STACK;
 
-/// Primitives and operations of one shape at most.
+use crate::fault::join;
+use crate::schema::Shape;
+use crate::validate::check::Check;
+
+/// Most primitives and operations of one shape.
 const MAX_OPS: usize = 4096;
 
 /// Judges a whole shape.
-pub(crate) fn check_shape(check: &mut Check, at: &str, shape: &Shape) {
+pub fn check_shape(check: &mut Check, at: &str, shape: &Shape) {
     check_part(check, at, shape);
     if !(check.has_dimension() && check.faults.clean(at)) {
         return;
     }
-    let sdf = sdf(shape, check.dimension);
+    let sdf = check.sdf(at, shape);
     if sdf.ops.len() > MAX_OPS {
         let reason = format!("the shape has {} parts; {MAX_OPS} is the most", sdf.ops.len());
         check.fault(at, "too_complex", reason, "split it into several bodies or colliders");
@@ -26,27 +26,10 @@ pub(crate) fn check_shape(check: &mut Check, at: &str, shape: &Shape) {
 }
 
 fn check_part(check: &mut Check, at: &str, shape: &Shape) {
-    let (key, solid_only) = match shape {
-        Shape::Box { .. } => ("box", false),
-        Shape::Sphere { .. } => ("sphere", false),
-        Shape::Cylinder { .. } => ("cylinder", true),
-        Shape::Capsule { .. } => ("capsule", true),
-        Shape::Cone { .. } => ("cone", true),
-        Shape::Torus { .. } => ("torus", true),
-        Shape::HalfSpace { .. } => ("half-space", false),
-        Shape::Heightfield { .. } => ("heightfield", false),
-        Shape::Mesh { .. } => ("mesh", true),
-        Shape::Union(_) => ("union", false),
-        Shape::Intersection(_) => ("intersection", false),
-        Shape::Difference(_) => ("difference", false),
-        Shape::Translate { .. } => ("translate", false),
-        Shape::Rotate { .. } => ("rotate", false),
-        Shape::Scale { .. } => ("scale", false),
-        Shape::Shell { .. } => ("shell", false),
-    };
+    let key = shape.key();
     let at = join(at, key);
     let field = |name: &str| join(&at, name);
-    if solid_only && check.has_dimension() && check.dimension == 2 {
+    if shape.is_solid_only() && check.has_dimension() && check.dimension == 2 {
         let reason = format!("a {key} needs three dimensions");
         check.fault(&at, "needs_3d", reason, "in 2D write its cross-section from boxes and spheres");
         return;
@@ -91,17 +74,17 @@ fn check_part(check: &mut Check, at: &str, shape: &Shape) {
             check.vector(&field("point"), point);
             direction(check, &field("normal"), normal);
         }
-        Shape::Heightfield { min, max, base, heights, field } => {
+        Shape::Heightfield { min, max, base, heights } => {
             heightfield(check, &at, [min, max], *base, heights);
-            sampled(check, &at, field);
+            sampled(check, &at);
         }
-        Shape::Mesh { asset, file, field, .. } => {
+        Shape::Mesh { asset, file, .. } => {
             if asset.is_some() == file.is_some() {
                 let reason = if asset.is_some() { "`asset` is given beside `file`" } else { "the mesh is missing" };
                 let remedy = "give one of `asset`, an upload's id, and `file`, a path (command line only)";
                 check.fault(&at, "not_one_source", reason, remedy);
             }
-            sampled(check, &at, field);
+            sampled(check, &at);
         }
         Shape::Union(shapes) | Shape::Intersection(shapes) => several(check, &at, key, shapes, 1),
         Shape::Difference(shapes) => several(check, &at, key, shapes, 2),
@@ -110,7 +93,7 @@ fn check_part(check: &mut Check, at: &str, shape: &Shape) {
             check_part(check, &field("shape"), shape);
         }
         Shape::Rotate { axis, angle_degrees, center, shape } => {
-            // The default axis is z, which is also the only one in 2D.
+            // The default axis is z, the only one in 2D.
             if check.dimension == 2 && check.has_dimension() {
                 if !(axis.len() == 3 && axis[0] == 0.0 && axis[1] == 0.0 && axis[2] != 0.0) {
                     check.fault(&field("axis"), "needs_3d", "in 2D there is only one axis", "take `axis` out");
@@ -138,9 +121,10 @@ fn check_part(check: &mut Check, at: &str, shape: &Shape) {
     }
 }
 
-/// What depends on a shape that was not sampled cannot be judged; why it was not is a fault elsewhere.
-fn sampled(check: &mut Check, at: &str, field: &Sampled) {
-    if field.is_none() {
+/// What depends on a shape that was not sampled cannot be judged; the reason for that is a fault of
+/// its own.
+fn sampled(check: &mut Check, at: &str) {
+    if !check.resolved.fields.contains_key(at) {
         check.faults.spoil(at);
     }
 }
@@ -193,8 +177,8 @@ fn several(check: &mut Check, at: &str, key: &str, shapes: &[Shape], least: usiz
     }
 }
 
-/// A vector that is not zero.
-pub(crate) fn direction(check: &mut Check, at: &str, v: &[f64]) {
+/// Judges a direction, a vector that is not zero.
+pub fn direction(check: &mut Check, at: &str, v: &[f64]) {
     check.vector(at, v);
     if check.faults.clean(at) && v.iter().all(|a| *a == 0.0) {
         check.fault(at, "zero_vector", "a direction of length zero", "write a vector that is not zero");

@@ -1,16 +1,18 @@
-//! Meaning of the solver's settings, and whether the materials can run with them.
+//! Meaning of the solver's settings, and whether they suit the materials.
+
+use gridfall_core::sim::settings::Method;
 
 use crate::fault::join;
 use crate::schema::{Implicit, Integrator, Material, Scene, Solver};
-use crate::validate::Check;
-use gridfall_core::sim::settings::Method;
+use crate::validate::check::Check;
 
-/// Largest ε: beyond it a step's velocities are off by as much as they change.
+/// Largest tolerance. Beyond it, the error of a step's velocities is as large as their change.
 const MAX_TOLERANCE: f64 = 1e-2;
-/// Levels at most: each has half the nodes along an axis, and no axis has more than 2¹⁶ cells.
+/// Most levels: each has half the nodes along an axis, and no axis has more than 2¹⁶ cells.
 const MAX_LEVELS: u32 = 10;
 
-pub(crate) fn check_solver(check: &mut Check, solver: &Solver) {
+/// Judges the solver's settings.
+pub fn check_solver(check: &mut Check, solver: &Solver) {
     if check.finite("/solver/cfl", solver.cfl) && !(solver.cfl > 0.0 && solver.cfl <= 1.0) {
         let reason = format!("the CFL number is {}", solver.cfl);
         check.fault("/solver/cfl", "out_of_range", reason, "write a number above 0 and up to 1");
@@ -41,7 +43,7 @@ fn check_implicit(check: &mut Check, implicit: &Implicit) {
     }
 }
 
-/// Judges the materials that are in use by what `method` can do.
+/// Checks that `method` supports the materials in use.
 fn check_materials(check: &mut Check, method: Method) {
     let Scene { materials, bodies, sources, .. } = check.scene;
     let used = bodies.iter().map(|body| &body.material).chain(sources.iter().map(|source| &source.material));

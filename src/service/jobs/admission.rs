@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use gridfall_core::sim::setup::Problem;
 use gridfall_scene::assets::Assets;
-use gridfall_scene::{self as scene, Fault, Limits, Scene, overrides};
+use gridfall_scene::{self as scene, Fault, Limits, Scene};
 
 /// A scene found valid.
 pub struct Admitted {
@@ -21,12 +21,7 @@ pub fn admit(
     limits: &Limits,
     assets: &dyn Assets,
 ) -> Result<Admitted, Vec<Fault>> {
-    let faults: Vec<Fault> =
-        overrides.iter().filter_map(|assignment| overrides::apply(&mut document, assignment).err()).collect();
-    if !faults.is_empty() {
-        return Err(faults);
-    }
-    let scene = scene::from_value(&document)?;
+    let scene = scene::from_value_with(&mut document, overrides)?;
     let problem = scene::problem_with(&scene, limits, assets)?;
     Ok(Admitted { document: document.to_string(), scene, problem })
 }

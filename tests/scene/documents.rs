@@ -1,10 +1,11 @@
-//! Every scene in `scenes/` is valid and says what to look for, and every one has a size that any machine runs.
+//! Every scene in `scenes/` is valid, says what to look for, and has a size that any machine can
+//! run. The JSON Schema is current.
 
 use std::path::PathBuf;
 
 use gridfall_scene::{self as scene, Limits, Scene};
 
-/// Particles of a scene that runs on two cores in minutes.
+/// Most particles of a scene that runs on two cores within minutes.
 const MODEST: u64 = 100_000;
 
 fn shipped() -> Vec<(PathBuf, Scene)> {
@@ -33,7 +34,8 @@ fn are_valid_and_say_what_to_look_for() {
         assert!(scene.description.as_ref().is_some_and(|line| line.len() > 20), "{path:?} has no description");
         let mut judged = scene.clone();
         if is_large(scene, &all) {
-            // Wider cells: everything but the number of particles, up to 84 million, is judged as it stands.
+            // Wider cells: everything is judged as it is, except for the number of particles, up to
+            // 84 million.
             judged.domain.dx *= 8.0;
         }
         scene::check(&judged, &Limits::default()).unwrap_or_else(|f| panic!("{path:?}: {f:#?}"));

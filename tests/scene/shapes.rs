@@ -1,6 +1,8 @@
-//! Properties of shapes: signed distances against a plain inside test, rigid invariance, slopes, bounds, and sampled volume.
+//! Properties of shapes: signed distances against a simple inside test, rigid invariance, slopes,
+//! bounds, and sampled volume.
 //!
-//! proptest draws the cases from a fixed seed (`TestRunner::deterministic`) and prints the smallest case that fails.
+//! proptest draws the cases from a fixed seed (`TestRunner::deterministic`) and prints the smallest
+//! failing case.
 
 use gridfall_core::sim::collider::{Sdf, axis_angle, rotate, rotate_back};
 use gridfall_scene::schema::{Collider, ContactKind, Scene, Shape};
@@ -169,7 +171,7 @@ fn check<S: Strategy>(strategy: S, test: impl Fn(S::Value) -> Result<(), TestCas
     runner.run(&strategy, test).unwrap_or_else(|e| panic!("{e}"));
 }
 
-/// Closer to the surface than this, rounding may decide.
+/// Closer to the surface than this, rounding may decide on which side a point lies.
 const TIE: f64 = 1e-9;
 
 #[test]
@@ -202,7 +204,7 @@ fn bounds_of_primitives_are_tight() {
     check(primitive(), |shape| {
         let sdf = sdf(&shape);
         let [lower, upper] = sdf.bounds();
-        // A box a hair smaller on one side no longer contains the shape: the surface touches each side.
+        // The surface touches each side of the box.
         for a in 0..3 {
             for (side, bound) in [(-1.0, lower[a]), (1.0, upper[a])] {
                 if !bound.is_finite() {
@@ -215,7 +217,7 @@ fn bounds_of_primitives_are_tight() {
                 } else {
                     low[a] = bound;
                 }
-                // The least distance over that side is zero; found by descending from a coarse grid.
+                // The least distance over that side is zero; a coarse grid finds it up to a cell.
                 let mut best = (f64::INFINITY, [0.0; 3]);
                 for i in 0..=24 {
                     for j in 0..=24 {
@@ -286,7 +288,7 @@ fn the_slope_of_a_primitive_is_one() {
             ahead[a] += h;
             behind[a] -= h;
             let (f, b, m) = (sdf.distance(ahead), sdf.distance(behind), sdf.distance(x));
-            // A kink lies between where the two one-sided slopes differ.
+            // Where the two one-sided slopes differ, there is a kink between the points.
             ((f - b) / (2.0 * h), ((f - m) - (m - b)).abs() / h < 1e-3)
         };
         let slopes = [slope(0), slope(1), slope(2)];
@@ -326,8 +328,8 @@ fn sampled_mass_is_volume_times_density() {
             PI * 0.16 * 0.8 + 4.0 / 3.0 * PI * 0.064,
         ),
         (
-            json!({ "scale": { "factor": 1.5, "shape": {
-                "cone": { "base": [-0.2, 0.1, -0.3], "axis": [1, 1, 2], "radius": 0.5, "top_radius": 0.2, "height": 0.7 } } } }),
+            json!({ "scale": { "factor": 1.5, "shape": { "cone": {
+                "base": [-0.2, 0.1, -0.3], "axis": [1, 1, 2], "radius": 0.5, "top_radius": 0.2, "height": 0.7 } } } }),
             1.5f64.powi(3) * PI / 3.0 * 0.7 * (0.25 + 0.1 + 0.04),
         ),
         (
@@ -374,7 +376,7 @@ fn poisson_disk_points_may_be_any_number_a_cell_up_to_the_walls() {
         let problem = scene::problem(&scene::from_value(&document).unwrap(), &Limits::default()).unwrap();
         let x = &problem.particles.x;
         assert!(x.iter().flatten().all(|x| x.abs() <= 2.0), "{per_cell} a cell: points outside the domain");
-        // Dart throwing crowds the walls a little, where no points lie beyond.
+        // Points are a little denser at the walls, because there are none beyond.
         let expected = 512.0 * f64::from(per_cell);
         assert!((x.len() as f64 / expected - 1.0).abs() < 0.15, "{per_cell} a cell: {} of {expected}", x.len());
         assert!((x.len() as f64 * problem.setup.bodies[0].volume0 / 64.0 - 1.0).abs() < 0.01, "{per_cell} a cell");
@@ -383,7 +385,7 @@ fn poisson_disk_points_may_be_any_number_a_cell_up_to_the_walls() {
 
 #[test]
 fn the_papers_sphere_has_the_papers_number_of_particles() {
-    // CK-MPM §6.1: radius 10 dx, 8 particles a cell, 33,552 particles.
+    // CK-MPM §6.1: radius 10 dx, 8 particles per cell, 33,552 particles.
     let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/colliding-spheres.json")).unwrap();
     let problem = scene::problem(&scene::parse(&text).unwrap(), &Limits::default()).unwrap();
     assert_eq!(problem.setup.bodies[0].particles.len(), 33_552);

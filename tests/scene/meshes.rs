@@ -1,4 +1,4 @@
-//! Meshes and heightfields in scenes: files, fillings, what they weigh, and every refusal.
+//! Meshes and heightfields in scenes: files, fillings, sampled mass, and every fault of a file.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use gridfall_scene::assets::LocalFiles;
 use gridfall_scene::{self as scene, Fault, Limits};
 use serde_json::{Value, json};
 
-/// An OBJ of the box from `min` to `max`, without its top if that is to be open.
+/// An OBJ of the box from `min` to `max`, optionally without its top.
 fn obj(min: [f64; 3], max: [f64; 3], open: bool) -> String {
     let corner = |k: usize| (0..3).map(|a| [min, max][k >> a & 1][a].to_string()).collect::<Vec<_>>().join(" ");
     let vertices: String = (0..8).map(|k| format!("v {}\n", corner(k))).collect();
@@ -144,18 +144,18 @@ fn every_unusable_file_is_a_fault_that_says_what_to_do() {
             assert!(faults[0].to_string().contains(part), "{}", faults[0]);
         }
     }
-    // Used twice, a bad file is one fault; a scene that comes alone has no files.
+    // A bad file that is used twice is one fault; a scene that comes alone has no files.
     let bad = mesh(json!({ "file": "words.txt" }));
     assert_eq!(judge(&scene(json!({ "union": [bad, bad] })), dir.path()).unwrap_err().len(), 1);
     let alone =
         |fields| scene::problem(&scene::from_value(&scene(mesh(fields))).unwrap(), &Limits::default()).unwrap_err();
     assert_eq!(alone(json!({ "file": "box.obj" }))[0].code, "file_refused");
     assert_eq!(alone(json!({ "asset": nowhere }))[0].code, "unknown_asset");
-    // Other faults do not wait for the mesh's.
+    // Other faults are reported together with the mesh's.
     let mut two = scene(bad);
     two["materials"]["m"]["density"] = json!(-1);
     assert_eq!(judge(&two, dir.path()).unwrap_err().len(), 2);
-    // A document with a fault of structure is judged without its files.
+    // A document with a fault of structure is judged without reading its files.
     two["solver"] = json!({ "kernel": 3 });
     let codes: Vec<&str> = judge(&two, dir.path()).unwrap_err().iter().map(|f| f.code).collect();
     assert_eq!(codes, ["wrong_type", "not_positive"]);

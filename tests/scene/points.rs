@@ -1,4 +1,4 @@
-//! Particles from files: what a body gets of them, and every refusal.
+//! Particles from files: what a body takes from them, and every fault of a file.
 
 use std::path::Path;
 

@@ -1,56 +1,22 @@
-//! Sources of a scene: what is wrong with them, and what they become.
+//! Meaning of sources: their streams, and how many particles they emit.
 
+use gridfall_core::sim::source::Source;
 use rayon::prelude::*;
 
-use crate::build::solid::{sdf, vector3};
 use crate::fault::join;
-use crate::schema::{self, Sampling, Scene};
-use crate::validate::Check;
+use crate::grid::{even_per_axis, frames, particles_per_cell, stream};
+use crate::schema::{self, Sampling};
+use crate::validate::check::Check;
 use crate::validate::motion::interval;
 use crate::validate::shape::check_shape;
-use gridfall_core::sim::source::Source;
+use crate::vectors::vector3;
 
-/// Lattice points that may be looked at for one source, in all frames together.
+/// Most lattice points that are tested for one source, over all frames.
 const MAX_CANDIDATES: f64 = 2e8;
 
-/// Frames of a run.
-pub(crate) fn frames(scene: &Scene) -> u32 {
-    (scene.time.end * scene.time.frame_rate).round() as u32
-}
-
-/// A source whose particles are not counted yet. Its fields must be sound.
-fn uncounted(scene: &Scene, source: &schema::Source, body: usize) -> Source {
-    let dimension = scene.dimension as usize;
-    let per_cell = source.particles_per_cell.unwrap_or(1 << dimension);
-    let per_axis = f64::from(per_cell).powf(1.0 / dimension as f64).round();
-    Source {
-        body,
-        sdf: sdf(&source.shape, dimension),
-        velocity: vector3(&source.velocity),
-        open_s: [source.from.unwrap_or(0.0), source.until.unwrap_or(f64::INFINITY)],
-        spacing: scene.domain.dx / per_axis,
-        origin: vector3(&scene.domain.min),
-        dimension,
-        frame_s: 1.0 / scene.time.frame_rate,
-        by_frame: Vec::new(),
-    }
-}
-
-/// A valid scene's source, which is body number `body`.
-pub(crate) fn build(scene: &Scene, source: &schema::Source, body: usize) -> Source {
-    let mut built = uncounted(scene, source, body);
-    built.by_frame = (0..frames(scene)).map(|frame| built.entering(frame).count() as u64).collect();
-    built
-}
-
-/// Judges a source; its number of particles, if that can be told. The time must have been judged before.
-pub(crate) fn check_source(
-    check: &mut Check,
-    at: &str,
-    scene: &Scene,
-    source: &schema::Source,
-    most: u64,
-) -> Option<u64> {
+/// Judges a source, which may emit at most `most` particles. Returns how many it emits if that is
+/// known. The time must have been judged before.
+pub fn check_source(check: &mut Check, at: &str, source: &schema::Source, most: u64) -> Option<u64> {
     check.known_material(at, &source.material);
     let velocity_at = join(at, "velocity");
     check.vector(&velocity_at, &source.velocity);
@@ -63,12 +29,14 @@ pub(crate) fn check_source(
         );
     }
     interval(check, at, source.from, source.until);
-    let per_cell = source.particles_per_cell.unwrap_or(1 << check.dimension);
-    let root = f64::from(per_cell).powf(1.0 / check.dimension as f64).round() as u32;
-    if check.has_dimension() && (root == 0 || root.checked_pow(check.dimension as u32) != Some(per_cell)) {
-        let reason = format!("{per_cell} particles do not fill a cell evenly");
-        let remedy = if check.dimension == 2 { "write a square: 1, 4, 9, …" } else { "write a cube: 1, 8, 27, …" };
-        check.fault(&join(at, "particles_per_cell"), "not_a_power", reason, remedy);
+    if check.has_dimension() {
+        let per_cell = particles_per_cell(source.particles_per_cell, check.dimension);
+        if even_per_axis(per_cell, check.dimension).is_none() {
+            let reason = format!("{per_cell} particles do not fill a cell evenly");
+            let remedy =
+                if check.dimension == 2 { "write a square: 1, 4, 9, …" } else { "write a cube: 1, 8, 27, …" };
+            check.fault(&join(at, "particles_per_cell"), "not_a_power", reason, remedy);
+        }
     }
     if source.sampling != Sampling::Regular {
         check.fault(&join(at, "sampling"), "unsupported", "a source emits a regular stream", "write `regular`");
@@ -78,10 +46,14 @@ pub(crate) fn check_source(
     if !(check.has_grid() && check.faults.clean(at) && check.faults.clean("/time")) {
         return None;
     }
-    count(check, &shape_at, scene, &uncounted(scene, source, 0), most)
+    let sdf = check.sdf(&shape_at, &source.shape);
+    let stream = stream(check.scene, source, sdf, 0);
+    count(check, &shape_at, &stream, most)
 }
 
-fn count(check: &mut Check, at: &str, scene: &Scene, source: &Source, most: u64) -> Option<u64> {
+/// Counts the particles of a stream without keeping them; none if there is a fault at `at`.
+fn count(check: &mut Check, at: &str, source: &Source, most: u64) -> Option<u64> {
+    let scene = check.scene;
     let d = source.dimension;
     let [lower, upper] = source.sdf.bounds();
     if (0..d).any(|a| !(lower[a].is_finite() && upper[a].is_finite())) {

@@ -1,0 +1,28 @@
+//! What a scene may ask for at most.
+
+/// Limits on the cost of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    pub max_particles: u64,
+    /// Host memory of one run (bytes).
+    pub max_memory_bytes: u64,
+    /// Steps of the whole run.
+    pub max_steps: u64,
+}
+
+impl Default for Limits {
+    /// As many particles and as much memory as this machine can hold, and steps for some weeks of
+    /// its time.
+    fn default() -> Self {
+        Self { max_particles: 1 << 30, max_memory_bytes: host_memory_bytes() / 10 * 9, max_steps: 1_000_000_000 }
+    }
+}
+
+/// Memory of this machine (bytes); 8 GiB where the system does not say.
+fn host_memory_bytes() -> u64 {
+    let total = |text: String| -> Option<u64> {
+        let line = text.lines().find(|line| line.starts_with("MemTotal:"))?;
+        line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib << 10)
+    };
+    std::fs::read_to_string("/proc/meminfo").ok().and_then(total).unwrap_or(8 << 30)
+}

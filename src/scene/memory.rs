@@ -1,0 +1,21 @@
+//! Host memory of a run, known before anything is allocated.
+
+use gridfall_core::sim::settings::Integrator;
+
+/// Host memory per particle (bytes): its state in the problem, in the CPU engine while particles
+/// are binned, and in a snapshot.
+pub(crate) const HOST_BYTES_PER_PARTICLE: u64 = 1024;
+/// Host memory per particle (bytes) of the implicit integrator's matrices at 8 particles per cell:
+/// two nodes per cell in a large body, 125 blocks of 9 f64 per node, and the coarser levels.
+pub(crate) const MATRIX_BYTES_PER_PARTICLE: u64 = 3072;
+/// Both sides of the dense block table on the device (bytes per block).
+pub(crate) const TABLE_BYTES_PER_BLOCK: u64 = 8;
+
+/// Host memory (bytes) of a run with so many particles on so large a grid.
+pub(crate) fn memory_bytes(particles: u64, cells: [u64; 3], integrator: Integrator) -> u64 {
+    let blocks = cells.iter().fold(1u64, |n, cells| n.saturating_mul(cells.div_ceil(4)));
+    let matrices = if integrator == Integrator::Implicit { MATRIX_BYTES_PER_PARTICLE } else { 0 };
+    particles
+        .saturating_mul(HOST_BYTES_PER_PARTICLE + matrices)
+        .saturating_add(blocks.saturating_mul(TABLE_BYTES_PER_BLOCK))
+}

@@ -1,0 +1,70 @@
+//! Bodies and the particles they are made of.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::motion::Grip;
+use super::shape::Shape;
+use super::vector::{Matrix, Vector};
+
+/// Particles of one material: a shape filled with them, or points from a file. Give one of `shape` and `points`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Body {
+    pub name: String,
+    /// Name of an entry of `materials`.
+    pub material: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shape: Option<Shape>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub points: Option<Points>,
+    /// Particles per cell, a d-th power of a whole number unless the sampling is `poisson-disk`; 8 by default (2D: 4).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub particles_per_cell: Option<u32>,
+    #[serde(default)]
+    pub sampling: Sampling,
+    /// Initial velocity (m/s).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub velocity: Option<Vector>,
+    /// Initial spin about the centre of the body's particles (rad/s); one component in 2D.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub angular_velocity: Option<Vector>,
+    /// Initial velocity gradient about the centre of the body's particles (1/s), d × d.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub velocity_gradient: Option<Matrix>,
+    /// Initial deformation gradient, d × d; not together with `J`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deformation_gradient: Option<Matrix>,
+    /// Initial volume ratio.
+    #[serde(rename = "J", default, skip_serializing_if = "Option::is_none")]
+    pub j: Option<f64>,
+    /// Regions that hold the body, or move it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub grips: Vec<Grip>,
+}
+
+#[doc = "Particles from a PLY (x, y, z; vx, vy, vz if it has them) or an npz (`x` n × d; `v` n × d, \
+         `F` n × d × d and `volume` if it has"]
+/// them). Give one of `asset` and `file`. Without a volume, each has that of a cell shared by `particles_per_cell`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Points {
+    /// Id of an asset that was uploaded to the server: `sha256:` and 64 hexadecimal digits.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub asset: Option<String>,
+    /// Path of a file, relative to the scene's; on the command line only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sampling {
+    /// A lattice of spacing dx / ppc^(1/d), half a spacing from the grid lines.
+    #[default]
+    Regular,
+    /// One point drawn uniformly in each cell of that lattice, seeded.
+    Jittered,
+    /// Points at random with a least distance between them, seeded; `particles_per_cell` of them a cell on average.
+    PoissonDisk,
+}

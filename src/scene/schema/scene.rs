@@ -1,0 +1,160 @@
+//! The document as a whole, its domain and its settings.
+
+use std::collections::BTreeMap;
+
+use gridfall_core::material::parameters::Material;
+use gridfall_core::sim::contact::ContactKind;
+use gridfall_core::sim::settings::{Field, Implicit, Integrator, Kernel, Precision, Transfer};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::body::Body;
+use super::motion::Collider;
+use super::source::Source;
+use super::vector::Vector;
+
+/// A complete scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Version of the scene format; 1.
+    pub gridfall: u32,
+    pub name: String,
+    /// One line on what to look for in the result.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub description: Option<String>,
+    /// 2 (plane strain) or 3.
+    #[serde(default = "default_dimension")]
+    pub dimension: u32,
+    pub domain: Domain,
+    /// Gravitational acceleration (m/s²); defaults to zero.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gravity: Option<Vector>,
+    pub materials: BTreeMap<String, Material>,
+    pub bodies: Vec<Body>,
+    /// Shapes that emit material.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sources: Vec<Source>,
+    #[serde(default)]
+    pub colliders: Vec<Collider>,
+    pub time: Time,
+    #[serde(default)]
+    pub solver: Solver,
+    #[serde(default)]
+    pub output: Output,
+    #[serde(default = "default_seed")]
+    pub seed: u64,
+}
+
+impl Scene {
+    /// The document, pretty-printed.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("a scene is plain data")
+    }
+}
+
+fn default_dimension() -> u32 {
+    3
+}
+fn default_seed() -> u64 {
+    1
+}
+
+/// The axis-aligned box that is simulated, and what its walls do.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Domain {
+    /// Lower corner (m); the grid's origin.
+    pub min: Vector,
+    /// Upper corner (m); a whole number of `dx` from `min` on every axis.
+    pub max: Vector,
+    /// Grid spacing (m).
+    pub dx: f64,
+    /// Walls by name: `x-`, `x+`, `y-`, … for one wall, `x`, `y`, `z` for both walls of an axis.
+    /// A wall that is not named is sticky.
+    #[serde(default)]
+    pub boundary: BTreeMap<String, Boundary>,
+}
+
+/// `"periodic"` (an axis only) or a contact.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Boundary {
+    Periodic(Periodic),
+    Wall(WallContact),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Periodic {
+    #[serde(rename = "periodic")]
+    Periodic,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WallContact {
+    pub contact: ContactKind,
+    /// Coulomb friction coefficient; for `separate` only.
+    #[serde(default)]
+    pub friction: f64,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Time {
+    /// Simulated time at which the job ends (s).
+    pub end: f64,
+    /// Frames per simulated second.
+    #[serde(default = "default_frame_rate")]
+    pub frame_rate: f64,
+}
+
+fn default_frame_rate() -> f64 {
+    48.0
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Solver {
+    pub integrator: Integrator,
+    pub kernel: Kernel,
+    pub transfer: Transfer,
+    /// A particle may move at most this share of dx in a step.
+    pub cfl: f64,
+    /// Upper bound on the step (s).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_dt: Option<f64>,
+    /// Of the explicit integrator; the implicit one is f64 on the CPU and f32 on a GPU, which takes `f32` scenes only.
+    pub precision: Precision,
+    /// Settings of the implicit integrator.
+    pub implicit: Implicit,
+}
+
+impl Default for Solver {
+    fn default() -> Self {
+        Self {
+            integrator: Integrator::Auto,
+            kernel: Kernel::Compact,
+            transfer: Transfer::Mls,
+            cfl: 0.5,
+            max_dt: None,
+            precision: Precision::F32,
+            implicit: Implicit::default(),
+        }
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Output {
+    /// Scalar and vector fields recorded with each point, beside position and colour.
+    pub fields: Vec<Field>,
+    /// Points recorded per frame at most; more are decimated evenly.
+    pub preview_points: u32,
+}
+
+impl Default for Output {
+    fn default() -> Self {
+        Self { fields: vec![Field::Velocity], preview_points: 200_000 }
+    }
+}
