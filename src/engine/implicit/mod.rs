@@ -4,10 +4,11 @@
 //! `physics` makes a step's objective, `solver` minimises it and sees nothing of particles, `cpu` runs frames in f64; `gpu` has the same
 //! stages by the same names in f32.
 
-pub mod cpu;
+mod cpu;
+mod engine;
 pub mod gpu;
 pub mod physics;
 pub mod solver;
-pub mod step;
+mod step;
 
-pub use cpu::ImplicitEngine;
+pub use engine::ImplicitEngine;

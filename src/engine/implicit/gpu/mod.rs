@@ -12,7 +12,7 @@ mod readback;
 pub mod shaders;
 mod step;
 
-pub use engine::{GpuImplicitEngine, supports};
+pub use engine::supports;
 pub(crate) use pipelines::Pipelines;
 pub use readback::{NodeReading, SystemReading};
-pub use step::{Moved, Stepper};
+pub use step::DeviceStep;

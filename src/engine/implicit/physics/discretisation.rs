@@ -4,6 +4,7 @@ use super::boundary::Boundary;
 use super::state::{BodySetup, State, vector};
 use super::topology::Topology;
 use super::transfer::{Node, particles_to_grid};
+use crate::implicit::solver::objective::Field;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Setup;
 
@@ -39,6 +40,15 @@ impl<const D: usize> Discretisation<D> {
         let boundary = Boundary::new(setup, &mut topology, &mut nodes, self.time_s, self.dt);
         let order = topology.order.clone();
         (Self { topology, state, nodes, boundary, time_s: self.time_s, dt: self.dt }, order)
+    }
+
+    /// Velocities (m/s) of all nodes at the step's end.
+    pub fn velocities(&self, dv: &Field<D>) -> Field<D> {
+        let mut v = self.boundary.velocities.clone();
+        for (i, dv) in dv.iter().enumerate() {
+            v[i] = std::array::from_fn(|a| self.nodes[i].velocity[a] + dv[a]);
+        }
+        v
     }
 
     /// Nodes of the system.

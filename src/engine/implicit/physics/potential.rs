@@ -52,16 +52,11 @@ impl<'a, const D: usize> Potential<'a, D> {
         Self { setup, bodies, step, control, masses, scales, friction: None }
     }
 
-    /// The same with the friction that a solution without it causes; its solve goes on from there.
-    pub fn with_friction(mut self, solved: Field<D>) -> Self {
-        let (_, impulses) = self.energy_and_forces(&solved);
-        self.friction = Some((self.step.boundary.drags(&impulses), solved));
+    /// The same with the friction that the impulses (N s) of a solution without it cause, see
+    /// [`Self::energy_and_forces`]; its solve goes on from that solution.
+    pub fn with_friction(mut self, solved: Field<D>, impulses: &Field<D>) -> Self {
+        self.friction = Some((self.step.boundary.drags(impulses), solved));
         self
-    }
-
-    /// Whether any node has friction.
-    pub fn has_friction(&self) -> bool {
-        !self.drags().0.is_empty()
     }
 
     /// Friction's nodes, and the speed (m/s) below which they count as sticking.
@@ -78,21 +73,12 @@ impl<'a, const D: usize> Potential<'a, D> {
 
     /// Second derivatives (kg) of the loss, by node.
     fn resistances(&self, dv: &Field<D>) -> Vec<(usize, Matrix<f64, D>)> {
-        let (velocities, (drags, slow)) = (self.velocities(dv), self.drags());
+        let (velocities, (drags, slow)) = (self.step.velocities(dv), self.drags());
         drags.iter().map(|drag| (drag.node, drag.hessian(&velocities[drag.node], slow))).collect()
     }
 
     fn share(&self) -> f64 {
         self.step.topology.interpolation.shape.share
-    }
-
-    /// Node velocities (m/s) at the step's end.
-    pub fn velocities(&self, dv: &Field<D>) -> Field<D> {
-        let mut v = self.step.boundary.velocities.clone();
-        for (i, dv) in dv.iter().enumerate() {
-            v[i] = std::array::from_fn(|a| self.step.nodes[i].velocity[a] + dv[a]);
-        }
-        v
     }
 
     /// share Σ u_i g_iᵀ of a particle, for values of the nodes of its group.
@@ -161,7 +147,7 @@ impl<'a, const D: usize> Potential<'a, D> {
     /// Energy (J), and ∇E (kg m/s) of all nodes before any projection and without friction: what
     /// surfaces must give those that are not free.
     pub fn energy_and_forces(&self, dv: &Field<D>) -> (f64, Field<D>) {
-        let velocities = self.velocities(dv);
+        let velocities = self.step.velocities(dv);
         let mut stresses = Vec::new();
         let energy = self.stresses(&velocities, Some(&mut stresses)) + self.inertia(dv);
         (energy, self.forces(&velocities, &stresses))
@@ -207,7 +193,7 @@ impl<'a, const D: usize> Potential<'a, D> {
 
     /// dt² V0 share K of every particle (kg m²), K of [`gridfall_core::material::Projected::spatial`]; for assembly and products.
     fn tensors(&self, dv: &Field<D>) -> Vec<Tensor4<f64, D>> {
-        let velocities = self.velocities(dv);
+        let velocities = self.step.velocities(dv);
         let of_group = |group: usize| {
             let mut tensors = Vec::new();
             self.with_values(group, &velocities, |p, local| {
@@ -298,13 +284,13 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
     }
 
     fn energy(&self, dv: &Field<D>) -> f64 {
-        let velocities = self.velocities(dv);
+        let velocities = self.step.velocities(dv);
         self.stresses(&velocities, None) + self.inertia(dv) + self.dissipation(&velocities)
     }
 
     fn energy_and_gradient(&self, dv: &Field<D>, gradient: &mut Field<D>) -> f64 {
         let (energy, mut forces) = self.energy_and_forces(dv);
-        let velocities = self.velocities(dv);
+        let velocities = self.step.velocities(dv);
         self.complete(&velocities, &mut forces);
         *gradient = forces;
         energy + self.dissipation(&velocities)

@@ -64,6 +64,8 @@ pub fn particles_to_grid<const D: usize>(
 pub struct Moves {
     /// Farthest way (dx).
     pub farthest_dx: f64,
+    /// Fastest particle (m/s).
+    pub max_speed_m_s: f64,
     /// First particle, by place in the state, that is no longer finite.
     pub lost: Option<usize>,
     /// First particle that is more than a cell outside a wall.
@@ -118,6 +120,7 @@ pub fn grid_to_particles<const D: usize>(
             moves.outside.get_or_insert(p);
         }
         let speed = v.iter().map(|c| c * c).sum::<f64>().sqrt();
+        moves.max_speed_m_s = moves.max_speed_m_s.max(speed);
         moves.farthest_dx = moves.farthest_dx.max(speed * dt / setup.dx);
     }
     let after = State {

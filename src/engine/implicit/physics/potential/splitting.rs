@@ -31,7 +31,7 @@ impl<const D: usize> Split<'_, D> {
 
 impl<const D: usize> Splitting<D> for Split<'_, D> {
     fn deformations(&self, dv: &Field<D>) -> Vec<Matrix<f64, D>> {
-        let velocities = self.0.velocities(dv);
+        let velocities = self.0.step.velocities(dv);
         let of_group = |group: usize| {
             let mut found = Vec::new();
             self.0.with_values(group, &velocities, |p, local| found.push(self.0.deformed(p, local)));
@@ -57,7 +57,7 @@ impl<const D: usize> Splitting<D> for Split<'_, D> {
             mul_transpose(&pull, &self.0.step.state.f[p])
         };
         let stresses: Vec<_> = self.deformations(dv).iter().zip(targets).enumerate().map(stress).collect();
-        let velocities = self.0.velocities(dv);
+        let velocities = self.0.step.velocities(dv);
         let mut forces = self.0.forces(&velocities, &stresses);
         self.0.complete(&velocities, &mut forces);
         forces
