@@ -2,9 +2,9 @@
 //!
 //! Of first order: cheap iterations, of which a tight tolerance takes many (HOT §7.3).
 
-use super::descent::STALLED;
 use super::krylov::{BlockJacobi, conjugate_gradients};
 use super::objective::{Field, Objective};
+use super::policy::STALLED;
 use super::tolerance::{Tolerance, residual};
 use super::verbs::{axpy, norm};
 use crate::contract::Solve;

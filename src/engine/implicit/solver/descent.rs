@@ -2,12 +2,10 @@
 
 use super::line_search::{NOISE, Point, search};
 use super::objective::{Field, Objective};
+use super::policy::Progress;
 use super::tolerance::{Tolerance, residual};
 use super::verbs::{difference, dot, project};
 use crate::contract::Solve;
-
-/// Iterations without progress in energy or residual after which rounding is all that is left.
-pub const STALLED: u32 = 8;
 
 /// Where to go next.
 pub trait Directions<const D: usize> {
@@ -35,11 +33,12 @@ pub fn descend<const D: usize>(
     let projections: Vec<_> = objective.freedoms().iter().map(|freedom| freedom.projection()).collect();
     let mut point = Point::new(objective, objective.start());
     let mut solve = Solve { residual: residual(objective, &point.gradient), levels: 1, ..Solve::default() };
-    let (mut least, mut stalled) = (solve.residual, 0);
+    let mut progress = Progress::new(NOISE, solve.residual);
     let mut p: Field<D> = vec![[0.0; D]; point.dv.len()];
     loop {
         solve.converged = tolerance.reached(&point.gradient, solve.residual);
-        if solve.converged || solve.iterations >= max_iterations || stalled >= STALLED || objective.canceled() {
+        let ended = solve.iterations >= max_iterations || progress.has_stalled();
+        if solve.converged || ended || objective.canceled() {
             break;
         }
         solve.iterations += 1;
@@ -55,9 +54,7 @@ pub fn descend<const D: usize>(
             break;
         };
         solve.residual = residual(objective, &next.gradient);
-        let progress = point.energy - next.energy > NOISE * point.energy.abs() || solve.residual < least;
-        stalled = if progress { 0 } else { stalled + 1 };
-        least = least.min(solve.residual);
+        progress.note(point.energy, next.energy, solve.residual);
         directions.learn(difference(&next.dv, &point.dv), difference(&next.gradient, &point.gradient));
         point = next;
     }

@@ -6,6 +6,7 @@ use super::hierarchy::Embedding;
 use super::lbfgs::QuasiNewton;
 use super::newton::{Conditioning, Newton};
 use super::objective::{Field, Objective};
+use super::policy::Rules;
 use super::tolerance::Tolerance;
 use super::vcycle::Plan;
 use crate::contract::Solve;
@@ -15,13 +16,10 @@ use gridfall_core::sim::settings::{Implicit, Method};
 pub fn solve<const D: usize>(objective: &dyn Objective<D>, settings: &Implicit) -> (Field<D>, Solve) {
     let plan = Plan::new(settings);
     let characteristic = Tolerance::characteristic(settings.tolerance);
+    let &Implicit { tolerance, rebuild, .. } = settings;
+    let rules = Rules { tolerance, with_age: rebuild, after_failure: rebuild };
     let quasi_newton = |plan: Option<Plan>| {
-        descend(
-            objective,
-            &mut QuasiNewton::new(plan, settings.rebuild.then_some(settings.tolerance)),
-            characteristic,
-            settings.max_iterations,
-        )
+        descend(objective, &mut QuasiNewton::new(plan, rules), characteristic, settings.max_iterations)
     };
     let newton = |conditioning: Conditioning, tolerance: Tolerance| {
         descend(objective, &mut Newton::new(conditioning, tolerance), tolerance, settings.max_iterations)
