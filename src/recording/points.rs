@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::appearance::Appearance;
 use super::palette::{Palette, to_srgb};
 use gridfall_core::material;
-use gridfall_core::sim::diagnostics::determinant;
+use gridfall_core::maths::linalg::determinant;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::{Field, Setup};
 

@@ -11,7 +11,7 @@ use super::interpolation::{Interpolation, interpolation};
 use super::p2g;
 use super::tile::{BLOCK, Layout, Node};
 use gridfall_core::material::Law;
-use gridfall_core::maths::linalg::{det, double_dot, from_row_major, scaled_identity, to_row_major};
+use gridfall_core::maths::linalg::{determinant, double_dot, from_row_major, scaled_identity, to_row_major};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::Reaction;
@@ -121,7 +121,7 @@ impl<T: Real, const D: usize> Solver<T, D> {
             }
             set_matrix(&mut chunk.b, lane, &from_row_major(&particles.b[i].map(|b| b / dx)));
             let state = if bodies[particles.body[i] as usize].is_fluid() {
-                scaled_identity(T::from_f64(det(&from_row_major::<f64, 3>(&particles.f[i]))))
+                scaled_identity(T::from_f64(determinant(&particles.f[i])))
             } else {
                 from_row_major(&particles.f[i])
             };

@@ -8,16 +8,15 @@ use rayon::prelude::*;
 
 use super::stencil::{Interpolation, Stencil};
 use crate::implicit::solver::objective::NodeId;
+use crate::keys;
 use gridfall_core::maths::linalg::Vector;
 use gridfall_core::sim::setup::{Axis, Setup};
 
 /// Groups that a thread takes at a time.
 const CHUNK: usize = 64;
 
-/// Bits of a packed node coordinate, within a block and of the block.
-const BLOCK_BITS: u32 = 2;
-const COORDINATE_BITS: u32 = 18;
-const BIAS: i32 = 1 << (COORDINATE_BITS + BLOCK_BITS - 1);
+/// Bits of a block coordinate in a packed node.
+const BITS: u32 = 18;
 
 /// The interpolation between particles and nodes at one instant. Particles are in the order of their groups.
 pub struct Topology<const D: usize> {
@@ -45,22 +44,13 @@ pub struct Topology<const D: usize> {
     pub incidence: Vec<u32>,
 }
 
-/// A node's grid and block of 4^D, then its place in there, as one number: neighbours are near each other in memory.
+/// A node as one number: grid by grid, block by block.
 fn pack<const D: usize>(node: &NodeId<D>) -> u64 {
-    let index = node.index.map(|i| (i + BIAS) as u64);
-    let blocks = index.iter().fold(u64::from(node.grid), |key, i| key << COORDINATE_BITS | i >> BLOCK_BITS);
-    index.iter().fold(blocks, |key, i| key << BLOCK_BITS | i & ((1 << BLOCK_BITS) - 1))
+    u64::from(node.grid) << keys::by_blocks_bits(BITS, D) | keys::pack_by_blocks::<BITS, D>(node.index)
 }
 
 fn unpack<const D: usize>(key: u64) -> NodeId<D> {
-    let shift = BLOCK_BITS * D as u32;
-    let index = std::array::from_fn(|a| {
-        let back = (D - 1 - a) as u32;
-        let inner = key >> (BLOCK_BITS * back) & ((1 << BLOCK_BITS) - 1);
-        let block = key >> (shift + COORDINATE_BITS * back) & ((1 << COORDINATE_BITS) - 1);
-        (block << BLOCK_BITS | inner) as i32 - BIAS
-    });
-    NodeId { grid: (key >> (shift + COORDINATE_BITS * D as u32)) as u8, index }
+    NodeId { grid: (key >> keys::by_blocks_bits(BITS, D)) as u8, index: keys::unpack_by_blocks::<BITS, D>(key) }
 }
 
 /// Cells along the axes that are periodic.

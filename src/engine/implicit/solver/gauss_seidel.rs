@@ -5,9 +5,10 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::hierarchy::{Nodes, block_key};
-use super::krylov::{Preconditioner, inverse};
+use super::krylov::Preconditioner;
 use super::objective::Field;
 use super::sparse::{Bsr, row_times};
+use super::verbs::inverse;
 use gridfall_core::maths::linalg::{Matrix, Vector, apply};
 use gridfall_core::maths::real::Real;
 use gridfall_core::maths::widest::widest;

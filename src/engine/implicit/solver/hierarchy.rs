@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::objective::NodeId;
 use super::verbs;
+use crate::keys;
 use gridfall_core::maths::linalg::{Matrix, Vector};
 use gridfall_core::maths::real::Real;
 
@@ -110,11 +111,10 @@ impl<const D: usize> Transfer<D> {
     }
 }
 
-/// Where a node stands when nodes are taken by blocks of 4^D, which lie close together in memory.
+/// Where a node stands when nodes are taken by blocks of 4^D, which lie close together in memory, and
+/// the grids' nodes side by side.
 pub fn block_key<const D: usize>(id: &NodeId<D>) -> u64 {
-    let place = |a: usize| (id.index[a] + (1 << 20)) as u64;
-    let blocks = (0..D).fold(0, |key, a| key << 19 | place(a) >> 2);
-    (0..D).fold(blocks, |key, a| key << 2 | place(a) & 3) << 1 | id.grid as u64
+    keys::pack_by_blocks::<19, D>(id.index) << 1 | u64::from(id.grid)
 }
 
 impl<const D: usize> Nodes<D> {

@@ -1,8 +1,8 @@
 //! Conjugate gradients with a preconditioner that may change from one application to the next.
 
 use super::objective::{Field, LinearOperator};
-use super::verbs::{apply_blocks, axpy, difference, dot, xpby};
-use gridfall_core::maths::linalg::{Matrix, Vector, apply, cofactor, dot as dot_vectors, transpose};
+use super::verbs::{apply_blocks, axpy, difference, dot, inverse, xpby};
+use gridfall_core::maths::linalg::{Matrix, Vector, apply, dot as dot_vectors};
 use gridfall_core::maths::real::Real;
 
 /// Iterations after which a linear solve is given up (HOT, authors' code).
@@ -27,14 +27,6 @@ impl<T: Real, const D: usize> BlockJacobi<T, D> {
     pub fn new(diagonal: &[Matrix<T, D>]) -> Self {
         Self(diagonal.iter().map(inverse).collect())
     }
-}
-
-/// The inverse of a symmetric positive definite block.
-pub fn inverse<T: Real, const D: usize>(block: &Matrix<T, D>) -> Matrix<T, D> {
-    let exact = block.map(|row| row.map(|x| x.to_f64()));
-    let cofactor = cofactor(&exact);
-    let det = dot_vectors(&exact[0], &cofactor[0]);
-    transpose(&cofactor).map(|row| row.map(|x| T::from_f64(x / det)))
 }
 
 impl<const D: usize> Preconditioner<D> for BlockJacobi<f64, D> {

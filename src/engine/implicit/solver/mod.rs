@@ -8,7 +8,7 @@ mod descent;
 pub mod galerkin;
 mod gauss_seidel;
 pub mod hierarchy;
-pub(crate) mod krylov;
+mod krylov;
 mod lbfgs;
 mod line_search;
 mod newton;

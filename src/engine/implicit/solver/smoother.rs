@@ -4,10 +4,9 @@ use rayon::prelude::*;
 
 use super::gauss_seidel::GaussSeidel;
 use super::hierarchy::Nodes;
-use super::krylov::inverse;
 use super::sparse::{Bsr, ROWS};
 use super::spectrum::largest_eigenvalue;
-use super::verbs::update;
+use super::verbs::{inverse, update};
 use gridfall_core::maths::linalg::{Matrix, Vector, apply};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::settings;

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::objective::Field;
-use gridfall_core::maths::linalg::{Matrix, Vector, apply, dot as dot_vectors};
+use gridfall_core::maths::linalg::{Matrix, Vector, apply, cofactor, dot as dot_vectors, transpose};
 use gridfall_core::maths::real::Real;
 
 /// Nodes that a thread takes at a time.
@@ -60,6 +60,14 @@ pub fn difference<const D: usize>(a: &Field<D>, b: &Field<D>) -> Field<D> {
 /// Changes every node's y by what x is there.
 pub fn update<T: Send, U: Sync>(y: &mut [T], x: &[U], change: impl Fn(&mut T, &U) + Sync) {
     y.par_iter_mut().with_min_len(CHUNK).zip(x).for_each(|(y, x)| change(y, x));
+}
+
+/// The inverse of a symmetric positive definite block.
+pub fn inverse<T: Real, const D: usize>(block: &Matrix<T, D>) -> Matrix<T, D> {
+    let exact = block.map(|row| row.map(|x| x.to_f64()));
+    let cofactor = cofactor(&exact);
+    let det = dot_vectors(&exact[0], &cofactor[0]);
+    transpose(&cofactor).map(|row| row.map(|x| T::from_f64(x / det)))
 }
 
 /// Every node's block times its vector.

@@ -4,9 +4,9 @@ use rayon::prelude::*;
 
 use super::Potential;
 use crate::implicit::physics::assembly;
-use crate::implicit::solver::krylov::inverse;
 use crate::implicit::solver::objective::{Field, Objective, Splitting};
 use crate::implicit::solver::sparse::Bsr;
+use crate::implicit::solver::verbs::inverse;
 use gridfall_core::material::{Law, Tensor4};
 use gridfall_core::maths::linalg::{Matrix, Vector, apply, det, dot, mul_transpose};
 use gridfall_core::maths::svd::svd;
