@@ -13,7 +13,7 @@ use gridfall_engine::implicit::physics::discretisation::Discretisation;
 use gridfall_engine::implicit::physics::potential::Potential;
 use gridfall_engine::implicit::physics::state::{BodySetup, setups};
 use gridfall_engine::implicit::physics::transfer::grid_to_particles;
-use gridfall_engine::implicit::solver::objective::{Field, Freedom, NodeId, Objective};
+use gridfall_engine::implicit::solver::objective::{Freedom, NodeId, NodeVectors, Objective};
 use gridfall_engine::implicit::solver::sparse::Bsr;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -86,7 +86,7 @@ impl<'a> Reference<'a> {
     }
 
     /// A Δv near where the solver starts, which keeps what is prescribed.
-    fn somewhere(&self, rng: &mut ChaCha8Rng) -> Field<3> {
+    fn somewhere(&self, rng: &mut ChaCha8Rng) -> NodeVectors<3> {
         let potential = self.potential();
         let mut dv = potential.start();
         for (dv, freedom) in dv.iter_mut().zip(potential.freedoms()) {
@@ -160,7 +160,7 @@ fn rows_of(gpu: &SystemReading, cpu: &Reference) -> Vec<Option<usize>> {
 }
 
 /// What the system, and matrix, gradient and energy at a Δv differ by; leaves that Δv on the device.
-fn compare_system(stepper: &DeviceStep, cpu: &Reference, potential: &Potential<3>, at: &Field<3>) -> Differences {
+fn compare_system(stepper: &DeviceStep, cpu: &Reference, potential: &Potential<3>, at: &NodeVectors<3>) -> Differences {
     let gpu = stepper.system().unwrap();
     let full = DENSITY * cpu.problem.setup.dx.powi(3);
     let rows = rows_of(&gpu, cpu);
@@ -239,7 +239,7 @@ fn compare_matrix(gpu: &SystemReading, rows: &[Option<usize>], cpu: &Reference, 
 }
 
 /// What the step's end differs by, with the Δv on the device.
-fn compare_end(stepper: &mut DeviceStep, cpu: &Reference, dv: &Field<3>) -> Differences {
+fn compare_end(stepper: &mut DeviceStep, cpu: &Reference, dv: &NodeVectors<3>) -> Differences {
     let problem = cpu.problem;
     let moved = stepper.finish().unwrap();
     let potential = cpu.potential();

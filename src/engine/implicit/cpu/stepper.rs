@@ -8,7 +8,7 @@ use crate::implicit::physics::discretisation::Discretisation;
 use crate::implicit::physics::potential::Potential;
 use crate::implicit::physics::state::{BodySetup, State, setups};
 use crate::implicit::physics::transfer::grid_to_particles;
-use crate::implicit::solver::objective::Field;
+use crate::implicit::solver::objective::NodeVectors;
 use crate::implicit::solver::solve as minimise;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Setup;
@@ -31,9 +31,9 @@ struct Step<const D: usize> {
 
 /// What came of a minimisation.
 struct Solution<const D: usize> {
-    dv: Field<D>,
+    dv: NodeVectors<D>,
     /// ∇E there (kg m/s) of all nodes, before projection and without friction.
-    impulses: Field<D>,
+    impulses: NodeVectors<D>,
 }
 
 impl<const D: usize> CpuStepper<D> {

@@ -4,7 +4,7 @@ use super::boundary::Boundary;
 use super::state::{BodySetup, State, vector};
 use super::topology::Topology;
 use super::transfer::{Node, particles_to_grid};
-use crate::implicit::solver::objective::Field;
+use crate::implicit::solver::objective::NodeVectors;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Setup;
 
@@ -43,7 +43,7 @@ impl<const D: usize> Discretisation<D> {
     }
 
     /// Velocities (m/s) of all nodes at the step's end.
-    pub fn velocities(&self, dv: &Field<D>) -> Field<D> {
+    pub fn velocities(&self, dv: &NodeVectors<D>) -> NodeVectors<D> {
         let mut v = self.boundary.velocities.clone();
         for (i, dv) in dv.iter().enumerate() {
             v[i] = std::array::from_fn(|a| self.nodes[i].velocity[a] + dv[a]);

@@ -12,7 +12,7 @@ use super::friction::{Drag, STICKING_DX};
 use super::state::BodySetup;
 use super::topology::period;
 use crate::contract::Control;
-use crate::implicit::solver::objective::{Field, Freedom, LinearOperator, NodeId, Objective, Splitting};
+use crate::implicit::solver::objective::{Freedom, LinearOperator, NodeId, NodeVectors, Objective, Splitting};
 use crate::implicit::solver::sparse::Bsr;
 use gridfall_core::material::Tensor4;
 use gridfall_core::maths::linalg::{Matrix, Vector, add_scaled, apply, identity, mul, mul_transpose};
@@ -34,7 +34,7 @@ pub struct Potential<'a, const D: usize> {
     masses: Vec<f64>,
     scales: Vec<f64>,
     /// With the Δv that their normal impulses come from, where the solve goes on.
-    friction: Option<(Vec<Drag<D>>, Field<D>)>,
+    friction: Option<(Vec<Drag<D>>, NodeVectors<D>)>,
 }
 
 impl<'a, const D: usize> Potential<'a, D> {
@@ -54,7 +54,7 @@ impl<'a, const D: usize> Potential<'a, D> {
 
     /// The same with the friction that the impulses (N s) of a solution without it cause, see
     /// [`Self::energy_and_forces`]; its solve goes on from that solution.
-    pub fn with_friction(mut self, solved: Field<D>, impulses: &Field<D>) -> Self {
+    pub fn with_friction(mut self, solved: NodeVectors<D>, impulses: &NodeVectors<D>) -> Self {
         self.friction = Some((self.step.boundary.drags(impulses), solved));
         self
     }
@@ -66,13 +66,13 @@ impl<'a, const D: usize> Potential<'a, D> {
     }
 
     /// Loss (J) by friction.
-    fn dissipation(&self, velocities: &Field<D>) -> f64 {
+    fn dissipation(&self, velocities: &NodeVectors<D>) -> f64 {
         let (drags, slow) = self.drags();
         sum(drags.iter().map(|drag| drag.energy(&velocities[drag.node], slow)))
     }
 
     /// Second derivatives (kg) of the loss, by node.
-    fn resistances(&self, dv: &Field<D>) -> Vec<(usize, Matrix<f64, D>)> {
+    fn resistances(&self, dv: &NodeVectors<D>) -> Vec<(usize, Matrix<f64, D>)> {
         let (velocities, (drags, slow)) = (self.step.velocities(dv), self.drags());
         drags.iter().map(|drag| (drag.node, drag.hessian(&velocities[drag.node], slow))).collect()
     }
@@ -102,7 +102,7 @@ impl<'a, const D: usize> Potential<'a, D> {
     }
 
     /// Calls `each` with a group's particles and its nodes' values.
-    fn with_values(&self, group: usize, values: &Field<D>, mut each: impl FnMut(usize, &[Vector<f64, D>])) {
+    fn with_values(&self, group: usize, values: &NodeVectors<D>, mut each: impl FnMut(usize, &[Vector<f64, D>])) {
         let mut local = [[0.0; D]; 64];
         let nodes = self.step.topology.nodes_of(group);
         for (at, &node) in local.iter_mut().zip(nodes) {
@@ -114,7 +114,7 @@ impl<'a, const D: usize> Potential<'a, D> {
     }
 
     /// Elastic energy (J) and, if asked for, dt V0 P Fⁿᵀ (J s) of every particle.
-    fn stresses(&self, velocities: &Field<D>, stresses: Option<&mut Vec<Matrix<f64, D>>>) -> f64 {
+    fn stresses(&self, velocities: &NodeVectors<D>, stresses: Option<&mut Vec<Matrix<f64, D>>>) -> f64 {
         let groups = self.step.topology.groups();
         let of_group = |group: usize| {
             let mut energy = 0.0;
@@ -136,7 +136,7 @@ impl<'a, const D: usize> Potential<'a, D> {
     }
 
     /// ½ Σ m_i |Δv_i|² − dt Σ m_i g·Δv_i (J).
-    fn inertia(&self, dv: &Field<D>) -> f64 {
+    fn inertia(&self, dv: &NodeVectors<D>) -> f64 {
         let (dt, gravity) = (self.step.dt, &self.setup.gravity);
         sum(dv
             .iter()
@@ -146,7 +146,7 @@ impl<'a, const D: usize> Potential<'a, D> {
 
     /// Energy (J), and ∇E (kg m/s) of all nodes before any projection and without friction: what
     /// surfaces must give those that are not free.
-    pub fn energy_and_forces(&self, dv: &Field<D>) -> (f64, Field<D>) {
+    pub fn energy_and_forces(&self, dv: &NodeVectors<D>) -> (f64, NodeVectors<D>) {
         let velocities = self.step.velocities(dv);
         let mut stresses = Vec::new();
         let energy = self.stresses(&velocities, Some(&mut stresses)) + self.inertia(dv);
@@ -154,7 +154,7 @@ impl<'a, const D: usize> Potential<'a, D> {
     }
 
     /// Inertia's ∇ (kg m/s) with that of the particles, dt V0 P Fⁿᵀ (J s), at all nodes.
-    fn forces(&self, velocities: &Field<D>, stresses: &[Matrix<f64, D>]) -> Field<D> {
+    fn forces(&self, velocities: &NodeVectors<D>, stresses: &[Matrix<f64, D>]) -> NodeVectors<D> {
         let bring = |group: usize, shares: &mut [Vector<f64, D>]| {
             for p in self.step.topology.members(group) {
                 let (_, g) = self.step.topology.stencil(p);
@@ -176,7 +176,7 @@ impl<'a, const D: usize> Potential<'a, D> {
     }
 
     /// Adds friction to all nodes' forces, and leaves of them what the system's nodes can follow.
-    fn complete(&self, velocities: &Field<D>, forces: &mut Field<D>) {
+    fn complete(&self, velocities: &NodeVectors<D>, forces: &mut NodeVectors<D>) {
         let (drags, slow) = self.drags();
         for drag in drags {
             let force = drag.gradient(&velocities[drag.node], slow);
@@ -192,7 +192,7 @@ impl<'a, const D: usize> Potential<'a, D> {
     }
 
     /// dt² V0 share K of every particle (kg m²), K of [`gridfall_core::material::Projected::spatial`]; for assembly and products.
-    fn tensors(&self, dv: &Field<D>) -> Vec<Tensor4<f64, D>> {
+    fn tensors(&self, dv: &NodeVectors<D>) -> Vec<Tensor4<f64, D>> {
         let velocities = self.step.velocities(dv);
         let of_group = |group: usize| {
             let mut tensors = Vec::new();
@@ -226,7 +226,7 @@ fn sum(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// S u of nodes that are not free.
-fn project<const D: usize>(freedoms: &[Freedom<D>], field: &mut Field<D>) {
+fn project<const D: usize>(freedoms: &[Freedom<D>], field: &mut NodeVectors<D>) {
     for (freedom, u) in freedoms.iter().zip(field) {
         if let Some(s) = freedom.projection() {
             *u = apply(&s, u);
@@ -260,12 +260,12 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
     }
 
     /// Free fall; if that is a state that a material forbids, the nodes at rest (in their sliding directions).
-    fn start(&self) -> Field<D> {
+    fn start(&self) -> NodeVectors<D> {
         if let Some((_, solved)) = &self.friction {
             return solved.clone();
         }
         let n = self.step.unknowns();
-        let step = |velocities: &[Vector<f64, D>]| -> Field<D> {
+        let step = |velocities: &[Vector<f64, D>]| -> NodeVectors<D> {
             let nodes = velocities[..n].iter().zip(&self.step.nodes);
             nodes.map(|(v, node)| std::array::from_fn(|a| v[a] - node.velocity[a])).collect()
         };
@@ -273,9 +273,9 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
         if self.energy(&falling).is_finite() {
             return falling;
         }
-        let mut moving: Field<D> = self.step.boundary.velocities[..n].to_vec();
+        let mut moving: NodeVectors<D> = self.step.boundary.velocities[..n].to_vec();
         project(&self.step.boundary.freedoms, &mut moving);
-        let rest: Field<D> = self.step.boundary.velocities[..n]
+        let rest: NodeVectors<D> = self.step.boundary.velocities[..n]
             .iter()
             .zip(&moving)
             .map(|(v, moving)| std::array::from_fn(|a| v[a] - moving[a]))
@@ -283,12 +283,12 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
         step(&rest)
     }
 
-    fn energy(&self, dv: &Field<D>) -> f64 {
+    fn energy(&self, dv: &NodeVectors<D>) -> f64 {
         let velocities = self.step.velocities(dv);
         self.stresses(&velocities, None) + self.inertia(dv) + self.dissipation(&velocities)
     }
 
-    fn energy_and_gradient(&self, dv: &Field<D>, gradient: &mut Field<D>) -> f64 {
+    fn energy_and_gradient(&self, dv: &NodeVectors<D>, gradient: &mut NodeVectors<D>) -> f64 {
         let (energy, mut forces) = self.energy_and_forces(dv);
         let velocities = self.step.velocities(dv);
         self.complete(&velocities, &mut forces);
@@ -296,7 +296,7 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
         energy + self.dissipation(&velocities)
     }
 
-    fn hessian(&self, dv: &Field<D>) -> Bsr<f64, D> {
+    fn hessian(&self, dv: &NodeVectors<D>) -> Bsr<f64, D> {
         let mut matrix =
             assembly::assemble(&self.step.topology, &self.tensors(dv), &self.masses, &self.step.boundary.freedoms);
         for (node, block) in self.resistances(dv) {
@@ -305,11 +305,11 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
         matrix
     }
 
-    fn linearised<'a>(&'a self, dv: &Field<D>) -> Box<dyn LinearOperator<D> + 'a> {
+    fn linearised<'a>(&'a self, dv: &NodeVectors<D>) -> Box<dyn LinearOperator<D> + 'a> {
         Box::new(Linearised { potential: self, tensors: self.tensors(dv), resistances: self.resistances(dv) })
     }
 
-    fn coarse_hessian(&self, dv: &Field<D>, level: u32) -> (Vec<NodeId<D>>, Bsr<f64, D>) {
+    fn coarse_hessian(&self, dv: &NodeVectors<D>, level: u32) -> (Vec<NodeId<D>>, Bsr<f64, D>) {
         let dx = self.setup.dx * f64::from(1u32 << level);
         let (coarse, order) = self.step.coarsened(self.setup, self.bodies, dx);
         let tensors = self.tensors(dv);
@@ -333,7 +333,7 @@ struct Linearised<'a, const D: usize> {
 
 impl<const D: usize> LinearOperator<D> for Linearised<'_, D> {
     /// S (m + Σ g_i · K : Σ_j S x_j g_jᵀ) x. A sliding node's fixed directions are not acted on: a solver that starts in range stays there.
-    fn apply(&self, x: &Field<D>, y: &mut Field<D>) {
+    fn apply(&self, x: &NodeVectors<D>, y: &mut NodeVectors<D>) {
         let potential = self.potential;
         let freedoms = &potential.step.boundary.freedoms;
         let mut moving = x.clone();

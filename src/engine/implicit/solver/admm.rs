@@ -3,7 +3,7 @@
 //! Of first order: cheap iterations, of which a tight tolerance takes many (HOT §7.3).
 
 use super::krylov::{BlockJacobi, conjugate_gradients};
-use super::objective::{Field, Objective};
+use super::objective::{NodeVectors, Objective};
 use super::policy::STALLED;
 use super::tolerance::{Tolerance, residual};
 use super::verbs::{axpy, norm};
@@ -21,7 +21,7 @@ pub fn alternate<const D: usize>(
     objective: &dyn Objective<D>,
     tolerance: Tolerance,
     max_iterations: u32,
-) -> (Field<D>, Solve) {
+) -> (NodeVectors<D>, Solve) {
     let splitting = objective.splitting();
     let matrix = splitting.metric();
     let mut jacobi = BlockJacobi::new(&matrix.diagonal());

@@ -1,7 +1,7 @@
 //! The loop that all methods but ADMM share: direction, line search, test.
 
 use super::line_search::{NOISE, Point, search};
-use super::objective::{Field, Objective};
+use super::objective::{NodeVectors, Objective};
 use super::policy::Progress;
 use super::tolerance::{Tolerance, residual};
 use super::verbs::{difference, dot, project};
@@ -10,10 +10,10 @@ use crate::contract::Solve;
 /// Where to go next.
 pub trait Directions<const D: usize> {
     /// −B ∇E with some B ≈ H⁻¹, and the linear solver's iterations; `residual` is that of the point in the characteristic norm.
-    fn direction(&mut self, objective: &dyn Objective<D>, at: &Point<D>, residual: f64, p: &mut Field<D>) -> u32;
+    fn direction(&mut self, objective: &dyn Objective<D>, at: &Point<D>, residual: f64, p: &mut NodeVectors<D>) -> u32;
 
     /// Told of a step and the gradient's change over it.
-    fn learn(&mut self, step: Field<D>, change: Field<D>);
+    fn learn(&mut self, step: NodeVectors<D>, change: NodeVectors<D>);
 
     /// After a direction that did not help: makes the next one more cautious, or returns false. `descending` tells whether it pointed
     /// downhill.
@@ -29,12 +29,12 @@ pub fn descend<const D: usize>(
     directions: &mut dyn Directions<D>,
     tolerance: Tolerance,
     max_iterations: u32,
-) -> (Field<D>, Solve) {
+) -> (NodeVectors<D>, Solve) {
     let projections: Vec<_> = objective.freedoms().iter().map(|freedom| freedom.projection()).collect();
     let mut point = Point::new(objective, objective.start());
     let mut solve = Solve { residual: residual(objective, &point.gradient), levels: 1, ..Solve::default() };
     let mut progress = Progress::new(NOISE, solve.residual);
-    let mut p: Field<D> = vec![[0.0; D]; point.dv.len()];
+    let mut p: NodeVectors<D> = vec![[0.0; D]; point.dv.len()];
     loop {
         solve.converged = tolerance.reached(&point.gradient, solve.residual);
         let ended = solve.iterations >= max_iterations || progress.has_stalled();

@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::hierarchy::Transfer;
+use super::hierarchy::Prolongation;
 use super::sparse::Bsr;
 use gridfall_core::maths::linalg::{Matrix, mul, scaled_identity};
 
@@ -64,9 +64,9 @@ pub struct Coarse<const D: usize> {
 pub fn galerkin<const D: usize>(
     fine: &Bsr<f64, D>,
     projections: &[Option<Matrix<f64, D>>],
-    transfer: &Transfer<D>,
+    prolongation: &Prolongation<D>,
 ) -> Coarse<D> {
-    let coarse_nodes = transfer.children.rows();
+    let coarse_nodes = prolongation.children.rows();
     let starts: Vec<usize> = (0..coarse_nodes).step_by(ROWS).collect();
     let chunks: Vec<_> = starts
         .into_par_iter()
@@ -75,12 +75,12 @@ pub fn galerkin<const D: usize>(
             |(over_fine, over_coarse), start| {
                 let mut rows = Vec::new();
                 for row in start..(start + ROWS).min(coarse_nodes) {
-                    gather_row(fine, projections, transfer, row, over_fine, over_coarse);
+                    gather_row(fine, projections, prolongation, row, over_fine, over_coarse);
                     let mut order: Vec<u32> = (0..over_coarse.columns.len() as u32).collect();
                     order.sort_unstable_by_key(|&k| over_coarse.columns[k as usize]);
                     let entry = |k: u32| (over_coarse.columns[k as usize], over_coarse.sums[k as usize]);
                     let entries: Vec<(u32, Matrix<f64, D>)> = order.into_iter().map(entry).collect();
-                    let slides = transfer.children.row(row).all(|(i, _)| projections[i].is_some());
+                    let slides = prolongation.children.row(row).all(|(i, _)| projections[i].is_some());
                     rows.push((entries, slides));
                 }
                 rows
@@ -112,13 +112,13 @@ pub fn galerkin<const D: usize>(
 fn gather_row<const D: usize>(
     fine: &Bsr<f64, D>,
     projections: &[Option<Matrix<f64, D>>],
-    transfer: &Transfer<D>,
+    prolongation: &Prolongation<D>,
     row: usize,
     over_fine: &mut Accumulator<D>,
     over_coarse: &mut Accumulator<D>,
 ) {
     over_fine.clear();
-    for (i, weight) in transfer.children.row(row) {
+    for (i, weight) in prolongation.children.row(row) {
         let (columns, blocks) = fine.row(i);
         for (&j, block) in columns.iter().zip(blocks) {
             over_fine.add(j, weight as f64, block);
@@ -134,7 +134,7 @@ fn gather_row<const D: usize>(
     }
     over_coarse.clear();
     for (j, sum) in over_fine.columns.iter().zip(&over_fine.sums) {
-        for (parent, weight) in transfer.parents.row(*j as usize) {
+        for (parent, weight) in prolongation.parents.row(*j as usize) {
             over_coarse.add(parent as u32, weight as f64, sum);
         }
     }

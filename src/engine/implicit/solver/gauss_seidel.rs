@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::hierarchy::{Nodes, block_key};
 use super::krylov::Preconditioner;
-use super::objective::Field;
+use super::objective::NodeVectors;
 use super::sparse::{Bsr, row_times};
 use super::verbs::inverse;
 use gridfall_core::maths::linalg::{Matrix, Vector, apply};
@@ -120,7 +120,7 @@ pub struct SymmetricGaussSeidel<'a, const D: usize> {
 }
 
 impl<const D: usize> Preconditioner<D> for SymmetricGaussSeidel<'_, D> {
-    fn apply(&mut self, r: &Field<D>, z: &mut Field<D>) -> u32 {
+    fn apply(&mut self, r: &NodeVectors<D>, z: &mut NodeVectors<D>) -> u32 {
         z.fill([0.0; D]);
         self.sweeps.symmetric_sweep(self.matrix, r, z);
         1

@@ -37,7 +37,7 @@ pub struct Weights {
 
 /// Between a level and the next coarser one: P = S_i w_ij, R = Pᵀ. The weights are powers of two over small numbers, exact in f32.
 #[derive(Clone, Debug)]
-pub struct Transfer<const D: usize> {
+pub struct Prolongation<const D: usize> {
     /// Of every fine node the coarse nodes that it is embedded in.
     pub parents: Weights,
     /// The transpose.
@@ -85,7 +85,7 @@ impl Weights {
     }
 }
 
-impl<const D: usize> Transfer<D> {
+impl<const D: usize> Prolongation<D> {
     /// R r; `r` is projected on the way.
     pub fn restrict<T: Real>(
         &self,
@@ -153,8 +153,8 @@ impl<const D: usize> Nodes<D> {
         }
     }
 
-    /// The nodes of the next level, in order of [`block_key`], and the transfer to them.
-    pub fn coarsen(&self, embedding: Embedding) -> (Nodes<D>, Transfer<D>) {
+    /// The nodes of the next level, in order of [`block_key`], and the prolongation from them.
+    pub fn coarsen(&self, embedding: Embedding) -> (Nodes<D>, Prolongation<D>) {
         let hit = |id: &NodeId<D>| {
             let mut parents = Vec::new();
             self.parents(id, embedding, |parent, _| parents.push(parent));
@@ -166,12 +166,12 @@ impl<const D: usize> Nodes<D> {
         let coarsened = self.coarsened_axes();
         let period = std::array::from_fn(|a| self.period[a].map(|n| if coarsened[a] { n / 2 } else { n }));
         let coarse = Nodes { ids, period };
-        let transfer = self.transfer(&coarse, embedding);
-        (coarse, transfer)
+        let prolongation = self.prolongation(&coarse, embedding);
+        (coarse, prolongation)
     }
 
-    /// The transfer to coarser nodes that are given, which lie in order of [`block_key`]; parents that are not among them are left out.
-    pub fn transfer(&self, coarse: &Nodes<D>, embedding: Embedding) -> Transfer<D> {
+    /// The prolongation from coarser nodes that are given, which lie in order of [`block_key`]; parents that are not among them are left out.
+    pub fn prolongation(&self, coarse: &Nodes<D>, embedding: Embedding) -> Prolongation<D> {
         let keys: Vec<u64> = coarse.ids.iter().map(block_key).collect();
         let row = |id: &NodeId<D>| {
             let mut row = Vec::new();
@@ -191,6 +191,6 @@ impl<const D: usize> Nodes<D> {
             }
             parents.row_start.push(parents.columns.len() as u32);
         }
-        Transfer { children: parents.transpose(coarse.ids.len()), parents }
+        Prolongation { children: parents.transpose(coarse.ids.len()), parents }
     }
 }

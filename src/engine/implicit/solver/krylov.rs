@@ -1,6 +1,6 @@
 //! Conjugate gradients with a preconditioner that may change from one application to the next.
 
-use super::objective::{Field, LinearOperator};
+use super::objective::{LinearOperator, NodeVectors};
 use super::verbs::{apply_blocks, axpy, difference, dot, inverse, xpby};
 use gridfall_core::maths::linalg::{Matrix, Vector, apply, dot as dot_vectors};
 use gridfall_core::maths::real::Real;
@@ -11,7 +11,7 @@ pub const MAX_ITERATIONS: u32 = 10_000;
 /// z ≈ A⁻¹ r.
 pub trait Preconditioner<const D: usize> {
     /// Returns the inner iterations that this took: those of its own linear solver, or 1.
-    fn apply(&mut self, r: &Field<D>, z: &mut Field<D>) -> u32;
+    fn apply(&mut self, r: &NodeVectors<D>, z: &mut NodeVectors<D>) -> u32;
 
     /// Called when zᵀr ≤ 0: makes the operator safer, or returns false.
     fn strengthen(&mut self) -> bool {
@@ -30,7 +30,7 @@ impl<T: Real, const D: usize> BlockJacobi<T, D> {
 }
 
 impl<const D: usize> Preconditioner<D> for BlockJacobi<f64, D> {
-    fn apply(&mut self, r: &Field<D>, z: &mut Field<D>) -> u32 {
+    fn apply(&mut self, r: &NodeVectors<D>, z: &mut NodeVectors<D>) -> u32 {
         apply_blocks(&self.0, r, z);
         1
     }
@@ -41,18 +41,18 @@ impl<const D: usize> Preconditioner<D> for BlockJacobi<f64, D> {
 pub fn conjugate_gradients<const D: usize>(
     operator: &dyn LinearOperator<D>,
     preconditioner: &mut dyn Preconditioner<D>,
-    b: &Field<D>,
-    x: &mut Field<D>,
+    b: &NodeVectors<D>,
+    x: &mut NodeVectors<D>,
     goal: impl Fn(f64) -> f64,
 ) -> u32 {
     x.fill([0.0; D]);
     let mut r = b.clone();
-    let mut z: Field<D> = vec![[0.0; D]; b.len()];
+    let mut z: NodeVectors<D> = vec![[0.0; D]; b.len()];
     precondition(preconditioner, &r, &mut z);
     let mut zr = dot(&z, &r);
     let goal = goal(zr);
     let mut p = z.clone();
-    let mut ap: Field<D> = vec![[0.0; D]; b.len()];
+    let mut ap: NodeVectors<D> = vec![[0.0; D]; b.len()];
     let mut iterations = 0;
     while zr > goal && iterations < MAX_ITERATIONS {
         operator.apply(&p, &mut ap);
@@ -74,7 +74,11 @@ pub fn conjugate_gradients<const D: usize>(
 }
 
 /// z with zᵀr > 0, unless the preconditioner cannot do it.
-fn precondition<const D: usize>(preconditioner: &mut dyn Preconditioner<D>, r: &Field<D>, z: &mut Field<D>) {
+fn precondition<const D: usize>(
+    preconditioner: &mut dyn Preconditioner<D>,
+    r: &NodeVectors<D>,
+    z: &mut NodeVectors<D>,
+) {
     preconditioner.apply(r, z);
     while dot(z, r) < 0.0 && preconditioner.strengthen() {
         preconditioner.apply(r, z);
@@ -95,9 +99,9 @@ impl<const D: usize> Inexact<D> {
     pub fn solve(
         &mut self,
         operator: &dyn LinearOperator<D>,
-        b: &Field<D>,
-        reference: &Field<D>,
-        x: &mut Field<D>,
+        b: &NodeVectors<D>,
+        reference: &NodeVectors<D>,
+        x: &mut NodeVectors<D>,
     ) -> u32 {
         let energy = |v: &Vector<f64, D>, block: &Matrix<f64, D>| dot_vectors(v, &apply(block, v));
         let goal: f64 = 0.25 * reference.iter().zip(&self.jacobi.0).map(|(v, block)| energy(v, block)).sum::<f64>();

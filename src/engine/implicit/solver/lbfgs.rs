@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use super::descent::Directions;
 use super::krylov::{Inexact, Preconditioner};
 use super::line_search::Point;
-use super::objective::{Field, Objective};
+use super::objective::{NodeVectors, Objective};
 use super::policy::{self, Lifetime, Retreat, Rules};
 use super::sparse::Bsr;
 use super::vcycle::{Plan, VCycle};
@@ -14,8 +14,8 @@ use super::verbs::{axpy, dot};
 /// Pairs that are kept.
 const WINDOW: usize = 8;
 struct Pair<const D: usize> {
-    s: Field<D>,
-    y: Field<D>,
+    s: NodeVectors<D>,
+    y: NodeVectors<D>,
     rho: f64,
 }
 
@@ -25,7 +25,7 @@ pub struct History<const D: usize>(VecDeque<Pair<D>>);
 
 impl<const D: usize> History<D> {
     /// Pairs of negative curvature are dropped.
-    pub fn push(&mut self, s: Field<D>, y: Field<D>) {
+    pub fn push(&mut self, s: NodeVectors<D>, y: NodeVectors<D>) {
         let curvature = dot(&y, &s);
         if curvature > 0.0 {
             if self.0.len() == WINDOW {
@@ -36,8 +36,13 @@ impl<const D: usize> History<D> {
     }
 
     /// The two-loop recursion (Nocedal & Wright, algorithm 7.4): p = −B ∇E.
-    pub fn direction(&self, gradient: &Field<D>, initial: &mut dyn Preconditioner<D>, p: &mut Field<D>) -> u32 {
-        let mut q: Field<D> = gradient.iter().map(|g| g.map(|x| -x)).collect();
+    pub fn direction(
+        &self,
+        gradient: &NodeVectors<D>,
+        initial: &mut dyn Preconditioner<D>,
+        p: &mut NodeVectors<D>,
+    ) -> u32 {
+        let mut q: NodeVectors<D> = gradient.iter().map(|g| g.map(|x| -x)).collect();
         let mut alphas = Vec::with_capacity(self.0.len());
         for pair in self.0.iter().rev() {
             let alpha = pair.rho * dot(&pair.s, &q);
@@ -60,7 +65,7 @@ enum Model<const D: usize> {
 }
 
 impl<const D: usize> Preconditioner<D> for Model<D> {
-    fn apply(&mut self, r: &Field<D>, z: &mut Field<D>) -> u32 {
+    fn apply(&mut self, r: &NodeVectors<D>, z: &mut NodeVectors<D>) -> u32 {
         match self {
             Self::Cycle(cycle) => cycle.apply(r, z),
             Self::Inexact(matrix, inexact) => inexact.solve(matrix, r, r, z),
@@ -91,7 +96,7 @@ impl<const D: usize> QuasiNewton<D> {
         Self { plan, lifetime, model: None, history: History(VecDeque::new()), nonzeros: 0 }
     }
 
-    fn build(&mut self, objective: &dyn Objective<D>, dv: &Field<D>) -> Model<D> {
+    fn build(&mut self, objective: &dyn Objective<D>, dv: &NodeVectors<D>) -> Model<D> {
         let matrix = objective.hessian(dv);
         self.nonzeros = matrix.blocks.len() as u64;
         match &self.plan {
@@ -105,7 +110,7 @@ impl<const D: usize> QuasiNewton<D> {
 }
 
 impl<const D: usize> Directions<D> for QuasiNewton<D> {
-    fn direction(&mut self, objective: &dyn Objective<D>, at: &Point<D>, residual: f64, p: &mut Field<D>) -> u32 {
+    fn direction(&mut self, objective: &dyn Objective<D>, at: &Point<D>, residual: f64, p: &mut NodeVectors<D>) -> u32 {
         if let policy::Model::New { forget } = self.lifetime.iterate(residual) {
             self.model = None;
             if forget {
@@ -118,7 +123,7 @@ impl<const D: usize> Directions<D> for QuasiNewton<D> {
         inner
     }
 
-    fn learn(&mut self, step: Field<D>, change: Field<D>) {
+    fn learn(&mut self, step: NodeVectors<D>, change: NodeVectors<D>) {
         self.history.push(step, change);
     }
 

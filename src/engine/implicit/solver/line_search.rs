@@ -1,6 +1,6 @@
 //! Backtracking that still works where energies are all rounding.
 
-use super::objective::{Field, Objective};
+use super::objective::{NodeVectors, Objective};
 use super::verbs::{axpy, dot};
 
 /// Halvings before the direction is given up.
@@ -13,13 +13,13 @@ const SLOPE: f64 = 0.8;
 /// Where a solver stands.
 #[derive(Clone)]
 pub struct Point<const D: usize> {
-    pub dv: Field<D>,
+    pub dv: NodeVectors<D>,
     pub energy: f64,
-    pub gradient: Field<D>,
+    pub gradient: NodeVectors<D>,
 }
 
 impl<const D: usize> Point<D> {
-    pub fn new(objective: &dyn Objective<D>, dv: Field<D>) -> Self {
+    pub fn new(objective: &dyn Objective<D>, dv: NodeVectors<D>) -> Self {
         let mut gradient = vec![[0.0; D]; dv.len()];
         let energy = objective.energy_and_gradient(&dv, &mut gradient);
         Self { dv, energy, gradient }
@@ -31,7 +31,7 @@ impl<const D: usize> Point<D> {
 pub fn search<const D: usize>(
     objective: &dyn Objective<D>,
     from: &Point<D>,
-    direction: &Field<D>,
+    direction: &NodeVectors<D>,
 ) -> (Option<Point<D>>, u32) {
     let slope = dot(direction, &from.gradient);
     let mut alpha = 1.0;

@@ -5,7 +5,7 @@ use super::descent::descend;
 use super::hierarchy::Embedding;
 use super::lbfgs::QuasiNewton;
 use super::newton::{Conditioning, Newton};
-use super::objective::{Field, Objective};
+use super::objective::{NodeVectors, Objective};
 use super::policy::Rules;
 use super::tolerance::Tolerance;
 use super::vcycle::Plan;
@@ -13,7 +13,7 @@ use crate::contract::Solve;
 use gridfall_core::sim::settings::{Implicit, Method};
 
 /// Minimises E from the objective's start. Time and step of the result are the engine's to fill in.
-pub fn solve<const D: usize>(objective: &dyn Objective<D>, settings: &Implicit) -> (Field<D>, Solve) {
+pub fn solve<const D: usize>(objective: &dyn Objective<D>, settings: &Implicit) -> (NodeVectors<D>, Solve) {
     let plan = Plan::new(settings);
     let characteristic = Tolerance::characteristic(settings.tolerance);
     let &Implicit { tolerance, rebuild, .. } = settings;

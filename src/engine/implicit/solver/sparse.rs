@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::objective::{Field, LinearOperator};
+use super::objective::{LinearOperator, NodeVectors};
 use gridfall_core::maths::linalg::{Matrix, Vector, add_scaled};
 use gridfall_core::maths::real::Real;
 use gridfall_core::maths::widest::widest;
@@ -88,7 +88,7 @@ impl<const D: usize> Bsr<f64, D> {
 }
 
 impl<const D: usize> LinearOperator<D> for Bsr<f64, D> {
-    fn apply(&self, x: &Field<D>, y: &mut Field<D>) {
+    fn apply(&self, x: &NodeVectors<D>, y: &mut NodeVectors<D>) {
         self.multiply(x, y);
     }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use super::objective::Field;
+use super::objective::NodeVectors;
 use super::sparse::Bsr;
 use super::verbs::{apply_blocks, axpy, dot, xpby};
 use gridfall_core::maths::linalg::{Matrix, Vector};
@@ -16,7 +16,7 @@ const MARGIN: f64 = 1.1;
 /// 1.1 × the largest Ritz value of 12 Lanczos steps, D the diagonal blocks. Lanczos' tridiagonal matrix is read off conjugate gradients.
 pub fn largest_eigenvalue<T: Real, const D: usize>(matrix: &Bsr<T, D>, inverse_diagonal: &[Matrix<T, D>]) -> f64 {
     let n = matrix.rows();
-    let wide = |v: &[Vector<T, D>]| -> Field<D> { v.iter().map(|v| v.map(|x| x.to_f64())).collect() };
+    let wide = |v: &[Vector<T, D>]| -> NodeVectors<D> { v.iter().map(|v| v.map(|x| x.to_f64())).collect() };
     let mut r: Vec<Vector<T, D>> = (0..n).map(|i| std::array::from_fn(|a| noise((D * i + a) as u64))).collect();
     let mut z = vec![[T::ZERO; D]; n];
     let mut ap = z.clone();

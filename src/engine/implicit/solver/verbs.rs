@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::objective::Field;
+use super::objective::NodeVectors;
 use gridfall_core::maths::linalg::{Matrix, Vector, apply, cofactor, dot as dot_vectors, transpose};
 use gridfall_core::maths::real::Real;
 
@@ -17,17 +17,17 @@ fn sum(nodes: usize, term: impl Fn(usize) -> f64 + Sync) -> f64 {
 }
 
 /// aᵀ b.
-pub fn dot<const D: usize>(a: &Field<D>, b: &Field<D>) -> f64 {
+pub fn dot<const D: usize>(a: &NodeVectors<D>, b: &NodeVectors<D>) -> f64 {
     sum(a.len(), |i| dot_vectors(&a[i], &b[i]))
 }
 
 /// ‖a‖₂.
-pub fn norm<const D: usize>(a: &Field<D>) -> f64 {
+pub fn norm<const D: usize>(a: &NodeVectors<D>) -> f64 {
     dot(a, a).sqrt()
 }
 
 /// sqrt(Σ |a_i|² / scale_i² / n) (HOT §5.2).
-pub fn scaled_norm<const D: usize>(a: &Field<D>, scales: &[f64]) -> f64 {
+pub fn scaled_norm<const D: usize>(a: &NodeVectors<D>, scales: &[f64]) -> f64 {
     let n = a.len().max(1) as f64;
     (sum(a.len(), |i| dot_vectors(&a[i], &a[i]) / (scales[i] * scales[i])) / n).sqrt()
 }
@@ -51,7 +51,7 @@ pub fn xpby<T: Real, const D: usize>(x: &[Vector<T, D>], beta: T, y: &mut [Vecto
 }
 
 /// a − b.
-pub fn difference<const D: usize>(a: &Field<D>, b: &Field<D>) -> Field<D> {
+pub fn difference<const D: usize>(a: &NodeVectors<D>, b: &NodeVectors<D>) -> NodeVectors<D> {
     let mut c = a.clone();
     axpy(-1.0, b, &mut c);
     c

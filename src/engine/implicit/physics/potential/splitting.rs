@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::Potential;
 use crate::implicit::physics::assembly;
-use crate::implicit::solver::objective::{Field, Objective, Splitting};
+use crate::implicit::solver::objective::{NodeVectors, Objective, Splitting};
 use crate::implicit::solver::sparse::Bsr;
 use crate::implicit::solver::verbs::inverse;
 use gridfall_core::material::{Law, Tensor4};
@@ -30,7 +30,7 @@ impl<const D: usize> Split<'_, D> {
 }
 
 impl<const D: usize> Splitting<D> for Split<'_, D> {
-    fn deformations(&self, dv: &Field<D>) -> Vec<Matrix<f64, D>> {
+    fn deformations(&self, dv: &NodeVectors<D>) -> Vec<Matrix<f64, D>> {
         let velocities = self.0.step.velocities(dv);
         let of_group = |group: usize| {
             let mut found = Vec::new();
@@ -49,7 +49,7 @@ impl<const D: usize> Splitting<D> for Split<'_, D> {
         targets.par_iter().enumerate().with_min_len(64).map(of_particle).collect()
     }
 
-    fn gradient(&self, dv: &Field<D>, targets: &[Matrix<f64, D>]) -> Field<D> {
+    fn gradient(&self, dv: &NodeVectors<D>, targets: &[Matrix<f64, D>]) -> NodeVectors<D> {
         let dt = self.0.step.dt;
         let stress = |(p, (f, target)): (usize, (&Matrix<f64, D>, &Matrix<f64, D>))| {
             let factor = dt * self.weight(p);

@@ -6,7 +6,7 @@ use super::{Potential, project};
 use crate::contract::NoControl;
 use crate::implicit::physics::discretisation::Discretisation;
 use crate::implicit::physics::state::{BodySetup, setups};
-use crate::implicit::solver::objective::{Field, Objective};
+use crate::implicit::solver::objective::{NodeVectors, Objective};
 use crate::implicit::solver::solve;
 use crate::implicit::solver::verbs::{difference, norm};
 use gridfall_core::maths::linalg::dot;
@@ -74,18 +74,18 @@ impl<const D: usize> Step<D> {
     }
 }
 
-fn random_field<const D: usize>(potential: &Potential<D>, size: f64, random: &mut StdRng) -> Field<D> {
+fn random_field<const D: usize>(potential: &Potential<D>, size: f64, random: &mut StdRng) -> NodeVectors<D> {
     let any = |_| std::array::from_fn(|_| random.random_range(-size..size));
-    let mut field: Field<D> = (0..potential.nodes().len()).map(any).collect();
+    let mut field: NodeVectors<D> = (0..potential.nodes().len()).map(any).collect();
     project(potential.freedoms(), &mut field);
     field
 }
 
-fn inner<const D: usize>(a: &Field<D>, b: &Field<D>) -> f64 {
+fn inner<const D: usize>(a: &NodeVectors<D>, b: &NodeVectors<D>) -> f64 {
     a.iter().zip(b).map(|(a, b)| dot(a, b)).sum()
 }
 
-fn moved<const D: usize>(a: &Field<D>, s: f64, b: &Field<D>) -> Field<D> {
+fn moved<const D: usize>(a: &NodeVectors<D>, s: f64, b: &NodeVectors<D>) -> NodeVectors<D> {
     a.iter().zip(b).map(|(a, b)| std::array::from_fn(|k| a[k] + s * b[k])).collect()
 }
 
@@ -108,7 +108,7 @@ fn differences<const D: usize>(problem: Problem, what: &str, random: &mut StdRng
     assert!(potential.nodes().len() < step.discretisation.nodes.len(), "{what}: nothing is held");
     let start = potential.start();
     let (p, q) = (random_field(&potential, 1.0, random), random_field(&potential, 1.0, random));
-    let mut gradient = Field::new();
+    let mut gradient = NodeVectors::new();
     potential.energy_and_gradient(&start, &mut gradient);
     let h = 1e-5;
     let slope = (potential.energy(&moved(&start, h, &p)) - potential.energy(&moved(&start, -h, &p))) / (2.0 * h);
@@ -119,7 +119,7 @@ fn differences<const D: usize>(problem: Problem, what: &str, random: &mut StdRng
     // compare where the quadratic forms agree, and demand it of the product and the matrix everywhere.
     let matrix = potential.hessian(&start);
     let product = potential.linearised(&start);
-    let (mut without, mut with) = (Field::new(), vec![[0.0; D]; p.len()]);
+    let (mut without, mut with) = (NodeVectors::new(), vec![[0.0; D]; p.len()]);
     product.apply(&p, &mut without);
     for i in 0..p.len() {
         for k in matrix.row_start[i]..matrix.row_start[i + 1] {
@@ -140,7 +140,7 @@ fn differences<const D: usize>(problem: Problem, what: &str, random: &mut StdRng
         }
     }
     // Symmetric and positive.
-    let mut from_q = Field::new();
+    let mut from_q = NodeVectors::new();
     product.apply(&q, &mut from_q);
     let (qp, pq) = (inner(&q, &without), inner(&p, &from_q));
     assert!((qp - pq).abs() < 1e-12 * inner(&p, &without).abs(), "{what}: {qp} against {pq}");
@@ -175,7 +175,7 @@ fn derivative<const D: usize>(problem: Problem, what: &str, random: &mut StdRng)
     let step = Step::<D>::new(problem);
     let potential = step.potential();
     let (start, p) = (potential.start(), random_field(&potential, 1.0, random));
-    let (mut ahead, mut behind, mut product) = (Field::new(), Field::new(), Field::new());
+    let (mut ahead, mut behind, mut product) = (NodeVectors::new(), NodeVectors::new(), NodeVectors::new());
     let h = 1e-5;
     potential.energy_and_gradient(&moved(&start, h, &p), &mut ahead);
     potential.energy_and_gradient(&moved(&start, -h, &p), &mut behind);
