@@ -19,8 +19,8 @@ pub const fn by_blocks_bits(bits: u32, dimension: usize) -> u32 {
     (bits + BLOCK_BITS) * dimension as u32
 }
 
-/// A node's index in order of its block of 4^D, whose coordinates have `BITS` bits each, then of its
-/// place in there: nodes near each other in space are so in memory.
+/// A node's index in order of its block of 4^D, whose coordinates have `BITS` bits each, then of
+/// its place in there: nodes near each other in space are so in memory.
 pub fn pack_by_blocks<const BITS: u32, const D: usize>(index: [i32; D]) -> u64 {
     let block = pack::<BITS, D>(index.map(|i| i >> BLOCK_BITS));
     index.iter().fold(block, |key, &i| key << BLOCK_BITS | (i & ((1 << BLOCK_BITS) - 1)) as u64)

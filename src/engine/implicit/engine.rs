@@ -51,7 +51,7 @@ pub(crate) trait Stepper {
 /// What the particles did in a step.
 #[derive(Clone, Debug)]
 pub struct Moved {
-    /// Farthest way of a particle (dx).
+    /// Largest distance of a particle (dx).
     pub farthest_dx: f64,
     /// Fastest particle (m/s).
     pub max_speed_m_s: f64,

@@ -13,7 +13,8 @@ use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::settings::{CoarseSolve, Method};
 use gridfall_core::sim::setup::{Axis, Setup};
 
-/// Fewest cells along a periodic axis: no node may be its own neighbour's neighbour from both sides.
+/// Fewest cells along a periodic axis: no node may be its own neighbour's neighbour from both
+/// sides.
 const LEAST_PERIOD: usize = 8;
 
 /// Whether the engine can run a problem at all; the reason if not.

@@ -1,4 +1,4 @@
-//! A step as an objective: what particles and surfaces make of the grid, its energy, gradient and Hessian.
+//! A step as a minimisation problem: its grid, surfaces, energy, gradient and Hessian.
 
 pub mod assembly;
 pub mod boundary;

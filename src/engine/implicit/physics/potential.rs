@@ -1,10 +1,12 @@
-//! The incremental potential of one step (HOT eq. 1), of its particles and nodes.
+//! The incremental potential of one step (HOT eq. 1).
 //!
-//! E(Δv) = ½ Σ m_i |Δv_i|² + n Σ V0 ψ(F(Δv)) − dt Σ m_i g·Δv_i with F(Δv) = (I + dt ∇v) Fⁿ, ∇v = (1/n) Σ v_i g_iᵀ, v = vⁿ + Δv; n = 2 for the compact
-//! kernel, whose two grids both carry the full mass and force, else 1. ∇E_i = m_i (Δv_i − dt g) + dt Σ V0 P Fⁿᵀ g_i.
+//! E(Δv) = ½ Σ m_i |Δv_i|² + n Σ V0 ψ(F(Δv)) − dt Σ m_i g·Δv_i with F(Δv) = (I + dt ∇v) Fⁿ,
+//! ∇v = (1/n) Σ v_i g_iᵀ, v = vⁿ + Δv; n = 2 for the compact kernel, whose two grids both carry the
+//! full mass and force, else 1. ∇E_i = m_i (Δv_i − dt g) + dt Σ V0 P Fⁿᵀ g_i.
 
 use rayon::prelude::*;
 
+use self::linearised::Linearised;
 use self::splitting::Split;
 use super::assembly;
 use super::discretisation::Discretisation;
@@ -18,9 +20,11 @@ use gridfall_core::material::Tensor4;
 use gridfall_core::maths::linalg::{Matrix, Vector, add_scaled, apply, identity, mul, mul_transpose};
 use gridfall_core::sim::setup::Setup;
 
+mod linearised;
 mod splitting;
 
-/// Area of a node's characteristic norm over dx² (HOT §5.2); in 2D length over dx, of the square that its neighbours make.
+/// Area of a node's characteristic norm over dx² (HOT §5.2); in 2D its length over dx, of the
+/// square of its neighbours.
 const fn characteristic_area(dimension: usize) -> f64 {
     if dimension == 3 { 24.0 } else { 8.0 }
 }
@@ -65,13 +69,13 @@ impl<'a, const D: usize> Potential<'a, D> {
         (drags, STICKING_DX * self.setup.dx / self.step.dt)
     }
 
-    /// Loss (J) by friction.
+    /// Dissipation (J) by friction.
     fn dissipation(&self, velocities: &NodeVectors<D>) -> f64 {
         let (drags, slow) = self.drags();
         sum(drags.iter().map(|drag| drag.energy(&velocities[drag.node], slow)))
     }
 
-    /// Second derivatives (kg) of the loss, by node.
+    /// Second derivatives (kg) of the dissipation, by node.
     fn resistances(&self, dv: &NodeVectors<D>) -> Vec<(usize, Matrix<f64, D>)> {
         let (velocities, (drags, slow)) = (self.step.velocities(dv), self.drags());
         drags.iter().map(|drag| (drag.node, drag.hessian(&velocities[drag.node], slow))).collect()
@@ -175,7 +179,8 @@ impl<'a, const D: usize> Potential<'a, D> {
         gradient
     }
 
-    /// Adds friction to all nodes' forces, and leaves of them what the system's nodes can follow.
+    /// Adds friction to the forces on all nodes, and keeps the parts that the system's nodes can
+    /// follow.
     fn complete(&self, velocities: &NodeVectors<D>, forces: &mut NodeVectors<D>) {
         let (drags, slow) = self.drags();
         for drag in drags {
@@ -191,7 +196,8 @@ impl<'a, const D: usize> Potential<'a, D> {
         self.step.boundary.freedoms[node].projection().map_or(*m, |s| mul(&mul(&s, m), &s))
     }
 
-    /// dt² V0 share K of every particle (kg m²), K of [`gridfall_core::material::Projected::spatial`]; for assembly and products.
+    /// dt² V0 share K of every particle (kg m²), K of
+    /// [`gridfall_core::material::Projected::spatial`]; for assembly and products.
     fn tensors(&self, dv: &NodeVectors<D>) -> Vec<Tensor4<f64, D>> {
         let velocities = self.step.velocities(dv);
         let of_group = |group: usize| {
@@ -211,7 +217,7 @@ impl<'a, const D: usize> Potential<'a, D> {
     }
 }
 
-/// A sum whose order depends on the values' order alone, in parts so that rounding grows slowly.
+/// A sum in the order of the values, in parts, so that rounding grows slowly.
 fn sum(values: impl Iterator<Item = f64>) -> f64 {
     let (mut total, mut part, mut count) = (0.0, 0.0, 0);
     for value in values {
@@ -259,7 +265,8 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
         &self.scales
     }
 
-    /// Free fall; if that is a state that a material forbids, the nodes at rest (in their sliding directions).
+    /// Free fall; if that is a state that a material forbids, the nodes at rest (in their sliding
+    /// directions).
     fn start(&self) -> NodeVectors<D> {
         if let Some((_, solved)) = &self.friction {
             return solved.clone();
@@ -306,7 +313,7 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
     }
 
     fn linearised<'a>(&'a self, dv: &NodeVectors<D>) -> Box<dyn LinearOperator<D> + 'a> {
-        Box::new(Linearised { potential: self, tensors: self.tensors(dv), resistances: self.resistances(dv) })
+        Box::new(Linearised::new(self, dv))
     }
 
     fn coarse_hessian(&self, dv: &NodeVectors<D>, level: u32) -> (Vec<NodeId<D>>, Bsr<f64, D>) {
@@ -321,70 +328,6 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
 
     fn splitting<'a>(&'a self) -> Box<dyn Splitting<D> + 'a> {
         Box::new(Split(self))
-    }
-}
-
-/// The Hessian at a state, applied particle by particle.
-struct Linearised<'a, const D: usize> {
-    potential: &'a Potential<'a, D>,
-    tensors: Vec<Tensor4<f64, D>>,
-    resistances: Vec<(usize, Matrix<f64, D>)>,
-}
-
-impl<const D: usize> LinearOperator<D> for Linearised<'_, D> {
-    /// S (m + Σ g_i · K : Σ_j S x_j g_jᵀ) x. A sliding node's fixed directions are not acted on: a solver that starts in range stays there.
-    fn apply(&self, x: &NodeVectors<D>, y: &mut NodeVectors<D>) {
-        let potential = self.potential;
-        let freedoms = &potential.step.boundary.freedoms;
-        let mut moving = x.clone();
-        project(freedoms, &mut moving);
-        let bring = |group: usize, shares: &mut [Vector<f64, D>]| {
-            potential.with_values(group, &moving, |p, local| {
-                let (_, g) = potential.step.topology.stencil(p);
-                let mut grad = [[0.0; D]; D];
-                for (u, g) in local.iter().zip(g) {
-                    for a in 0..D {
-                        (0..D).for_each(|b| grad[a][b] += u[a] * g[b]);
-                    }
-                }
-                let stress: Matrix<f64, D> = std::array::from_fn(|a| {
-                    std::array::from_fn(|b| {
-                        let k = &self.tensors[p][a][b];
-                        (0..D).map(|c| (0..D).map(|d| k[c][d] * grad[c][d]).sum::<f64>()).sum()
-                    })
-                });
-                for (share, g) in shares.iter_mut().zip(g) {
-                    let force = apply(&stress, g);
-                    (0..D).for_each(|a| share[a] += force[a]);
-                }
-            });
-        };
-        let mut sums =
-            potential.step.topology.gather([0.0; D], bring, |sum, part| (0..D).for_each(|a| sum[a] += part[a]));
-        sums.truncate(freedoms.len());
-        for (i, sum) in sums.iter_mut().enumerate() {
-            (0..D).for_each(|a| sum[a] += potential.masses[i] * moving[i][a]);
-        }
-        for (node, block) in &self.resistances {
-            let force = apply(block, &moving[*node]);
-            (0..D).for_each(|a| sums[*node][a] += force[a]);
-        }
-        project(freedoms, &mut sums);
-        *y = sums;
-    }
-
-    fn diagonal(&self) -> Vec<Matrix<f64, D>> {
-        let potential = self.potential;
-        let mut blocks = assembly::diagonal(
-            &potential.step.topology,
-            &self.tensors,
-            &potential.masses,
-            &potential.step.boundary.freedoms,
-        );
-        for (node, block) in &self.resistances {
-            blocks[*node] = add_scaled(&blocks[*node], 1.0, &potential.projected(*node, block));
-        }
-        blocks
     }
 }
 

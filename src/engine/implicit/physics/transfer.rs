@@ -1,7 +1,8 @@
-//! Particles to grid and back, for one step of any length (APIC and MLS: NUMERICS §1; PIC has B = 0).
+//! Particles to grid and back, for one step of any length (APIC and MLS: NUMERICS §1; PIC has
+//! B = 0).
 //!
-//! m_i = Σ w m, m_i v_i = Σ w m (v_p + B D⁻¹ (x_i − x_p)); v_p = share Σ w v_i, B = share Σ w v_i (x_i − x_p)ᵀ;
-//! F ← (I + dt share Σ v_i gᵀ) F, then the return map; x ← x + dt v.
+//! m_i = Σ w m, m_i v_i = Σ w m (v_p + B D⁻¹ (x_i − x_p)); v_p = share Σ w v_i, B = share Σ w v_i
+//! (x_i − x_p)ᵀ; F ← (I + dt share Σ v_i gᵀ) F, then the return map; x ← x + dt v.
 
 use rayon::prelude::*;
 
@@ -62,7 +63,7 @@ pub fn particles_to_grid<const D: usize>(
 /// What the particles did in a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Moves {
-    /// Farthest way (dx).
+    /// Largest distance of a particle (dx).
     pub farthest_dx: f64,
     /// Fastest particle (m/s).
     pub max_speed_m_s: f64,

@@ -4,7 +4,8 @@ use super::hierarchy::Nodes;
 use super::objective::{NodeId, NodeVectors};
 use super::sparse::Bsr;
 
-/// L of A = L Lᵀ by rows, each from its first non-zero on; nodes in order along the longest axis, which keeps rows short.
+/// L of A = L Lᵀ by rows, each from its first non-zero on; nodes are in order along the longest
+/// axis, which keeps rows short.
 pub struct Cholesky<const D: usize> {
     /// Node at every place of the order.
     order: Vec<u32>,

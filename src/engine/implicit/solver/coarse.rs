@@ -8,9 +8,10 @@ use super::smoother::{Chebyshev, Room};
 use super::sparse::Bsr;
 use gridfall_core::sim::settings::CoarseSolve;
 
-/// Multiplications up to which a factorisation is worth its time.
+/// Multiplications up to which a factorisation pays.
 const FACTORISE: f64 = 3e8;
-/// The polynomial that takes its place in larger systems: its degree, and the part of the spectrum that it damps.
+/// The polynomial that replaces it in larger systems: its degree, and the range of the spectrum
+/// that it damps.
 const DEGREE: usize = 30;
 const RANGE: f64 = 400.0;
 
@@ -39,8 +40,8 @@ impl<const D: usize> Coarsest<D> {
         Self { matrix, solver }
     }
 
-    /// x ≈ A⁻¹ b. `straight` is the cycle's right-hand side restricted down without smoothing, from which the adaptive solve takes its
-    /// tolerance.
+    /// x ≈ A⁻¹ b. `straight` is the cycle's right-hand side restricted down without smoothing, from
+    /// which the adaptive solve takes its tolerance.
     pub fn solve(&mut self, b: &NodeVectors<D>, straight: &NodeVectors<D>, x: &mut NodeVectors<D>) {
         match &mut self.solver {
             CoarseSolver::Exact(cholesky) => cholesky.solve(b, x),

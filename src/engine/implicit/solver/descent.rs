@@ -7,23 +7,25 @@ use super::tolerance::{Tolerance, residual};
 use super::verbs::{difference, dot, project};
 use crate::contract::Solve;
 
-/// Where to go next.
+/// How the next direction is found.
 pub trait Directions<const D: usize> {
-    /// −B ∇E with some B ≈ H⁻¹, and the linear solver's iterations; `residual` is that of the point in the characteristic norm.
+    /// −B ∇E with some B ≈ H⁻¹, and the linear solver's iterations; `residual` is that of the point
+    /// in the characteristic norm.
     fn direction(&mut self, objective: &dyn Objective<D>, at: &Point<D>, residual: f64, p: &mut NodeVectors<D>) -> u32;
 
-    /// Told of a step and the gradient's change over it.
+    /// Learns from a step and the gradient's change over it.
     fn learn(&mut self, step: NodeVectors<D>, change: NodeVectors<D>);
 
-    /// After a direction that did not help: makes the next one more cautious, or returns false. `descending` tells whether it pointed
-    /// downhill.
+    /// After a direction that did not help: makes the next one more cautious, or returns false if
+    /// it cannot. `descending` tells whether it pointed downhill.
     fn retreat(&mut self, descending: bool) -> bool;
 
     /// Levels, and non-zero blocks of the finest matrix.
     fn size(&self) -> (u32, u64);
 }
 
-/// Minimises from the objective's start. Where rounding keeps the residual above the tolerance, the loop ends unconverged.
+/// Minimises from the objective's start. Where rounding keeps the residual above the tolerance, the
+/// loop ends unconverged.
 pub fn descend<const D: usize>(
     objective: &dyn Objective<D>,
     directions: &mut dyn Directions<D>,

@@ -1,5 +1,5 @@
-//! A small elastic problem that the solvers are tested with: jittered neo-Hookean particles in an irregular body, soft on one side and stiff on
-//! the other, with a few sliding nodes.
+//! A small elastic problem that the solvers are tested with: jittered neo-Hookean particles in an
+//! irregular body, soft on one side and stiff on the other, with a few sliding nodes.
 
 use std::collections::BTreeMap;
 
@@ -66,7 +66,8 @@ fn spline(u: f64) -> (f64, f64) {
     }
 }
 
-/// Nodes within a quadratic kernel of width `scale` dx around x (cells) on every grid, with weight and gradient; two grids share the gradient.
+/// Nodes within a quadratic kernel of width `scale` dx around x (cells) on every grid, with weight
+/// and gradient; two grids share the gradient.
 fn stencil<const D: usize>(x: &Vector<f64, D>, scale: f64, dual: bool, period: [Option<i32>; D]) -> Touched<D> {
     let shifts: &[f64] = if dual { &[0.25, -0.25] } else { &[0.0] };
     let mut nodes = Vec::new();

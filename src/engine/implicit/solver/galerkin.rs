@@ -1,7 +1,8 @@
 //! Coarse matrices, H¹ = R H P (HOT eq. 6).
 //!
-//! Gathered: a thread makes a coarse row from the rows of its children, first Σ_i w_Ii H_ij over the fine columns that these touch, then over
-//! the parents of the columns. No particle is touched.
+//! Gathered: a thread computes a coarse row from the rows of its children, first Σ_i w_Ii H_ij over
+//! the fine columns that these touch, then over the parents of the columns. Particles are not
+//! involved.
 
 use rayon::prelude::*;
 
@@ -9,12 +10,13 @@ use super::hierarchy::Prolongation;
 use super::sparse::Bsr;
 use gridfall_core::maths::linalg::{Matrix, mul, scaled_identity};
 
-/// Coarse rows that a thread takes at a time.
+/// Coarse rows per task of a thread.
 const ROWS: usize = 32;
 
-/// A sum of blocks per column, for few of many columns at a time.
+/// A sum of blocks per column, for few of many columns at once.
 struct Accumulator<const D: usize> {
-    /// Places of the columns' sums, counted from `base`; smaller numbers are left from earlier rows.
+    /// Places of the columns' sums, counted from `base`; smaller numbers are left over from earlier
+    /// rows.
     place: Vec<u32>,
     base: u32,
     columns: Vec<u32>,
@@ -55,12 +57,14 @@ impl<const D: usize> Accumulator<D> {
 /// A coarse matrix and the projections of the coarse nodes.
 pub struct Coarse<const D: usize> {
     pub matrix: Bsr<f64, D>,
-    /// S of the coarse nodes that are reached through sliding nodes only and therefore lack directions.
+    /// S of the coarse nodes that are reached through sliding nodes only and therefore lack
+    /// directions.
     pub projections: Vec<Option<Matrix<f64, D>>>,
 }
 
-/// R H P for P = S w. Rows and columns of `fine` are projected already, but for its diagonal blocks, which were completed.
-/// The same is done to the coarse blocks: directions that no child can move in get the block's largest eigenvalue.
+/// R H P for P = S w. Rows and columns of `fine` are projected already, but for its diagonal
+/// blocks, which were completed. The same is done to the coarse blocks: directions that no child
+/// can move in get the block's largest eigenvalue.
 pub fn galerkin<const D: usize>(
     fine: &Bsr<f64, D>,
     projections: &[Option<Matrix<f64, D>>],
@@ -124,7 +128,7 @@ fn gather_row<const D: usize>(
             over_fine.add(j, weight as f64, block);
         }
         if let Some(s) = &projections[i] {
-            // The completion that the diagonal block has is no part of the operator.
+            // The completion of the diagonal block is not part of the operator.
             let diagonal = &blocks[columns.binary_search(&(i as u32)).expect("every row has its diagonal")];
             let projected = mul(s, &mul(diagonal, s));
             let mut excess = *diagonal;

@@ -1,8 +1,10 @@
-//! Coarser and coarser nodes, and what goes from one level to the next (HOT §4).
+//! The nodes of coarser and coarser levels, and what takes vectors from one level to the next (HOT
+//! §4).
 //!
-//! Coarse node j of a grid lies on that grid's fine node 2j. A fine node is embedded in the coarse grid like a particle in the fine one: with
-//! linear weights an even index has one parent and an odd one two, with quadratic weights three and two (§4.2). Coarse nodes exist where they
-//! are hit. The compact kernel's grids are coarsened each by itself.
+//! Coarse node j of a grid lies on that grid's fine node 2j. A fine node is embedded in the coarse
+//! grid like a particle in the fine one: with linear weights an even index has one parent and an
+//! odd one two, with quadratic weights three and two (§4.2). A coarse node exists where a fine one
+//! is embedded in it. Each of the compact kernel's two grids is coarsened by itself.
 
 use rayon::prelude::*;
 
@@ -35,10 +37,11 @@ pub struct Weights {
     pub weights: Vec<f32>,
 }
 
-/// Between a level and the next coarser one: P = S_i w_ij, R = Pᵀ. The weights are powers of two over small numbers, exact in f32.
+/// Between a level and the next coarser one: P = S_i w_ij, R = Pᵀ. The weights are powers of two
+/// over small numbers, exact in f32.
 #[derive(Clone, Debug)]
 pub struct Prolongation<const D: usize> {
-    /// Of every fine node the coarse nodes that it is embedded in.
+    /// For every fine node, the coarse nodes that it is embedded in.
     pub parents: Weights,
     /// The transpose.
     pub children: Weights,
@@ -111,8 +114,8 @@ impl<const D: usize> Prolongation<D> {
     }
 }
 
-/// Where a node stands when nodes are taken by blocks of 4^D, which lie close together in memory, and
-/// the grids' nodes side by side.
+/// Where a node stands when nodes are taken by blocks of 4^D, which lie close together in memory,
+/// and the grids' nodes side by side.
 pub fn block_key<const D: usize>(id: &NodeId<D>) -> u64 {
     keys::pack_by_blocks::<19, D>(id.index) << 1 | u64::from(id.grid)
 }
@@ -123,7 +126,7 @@ impl<const D: usize> Nodes<D> {
         self.period.map(|cells| cells.is_none_or(|n| n % 2 == 0 && n >= 8))
     }
 
-    /// Parents of a node and its weights there, up to three an axis.
+    /// Parents of a node and its weights there, up to three per axis.
     fn parents(&self, id: &NodeId<D>, embedding: Embedding, mut give: impl FnMut(NodeId<D>, f32)) {
         let coarsened = self.coarsened_axes();
         let axis = |a: usize| -> ([(i32, f32); 3], usize) {
@@ -170,7 +173,8 @@ impl<const D: usize> Nodes<D> {
         (coarse, prolongation)
     }
 
-    /// The prolongation from coarser nodes that are given, which lie in order of [`block_key`]; parents that are not among them are left out.
+    /// The prolongation from coarser nodes that are given, which lie in order of [`block_key`];
+    /// parents that are not among them are left out.
     pub fn prolongation(&self, coarse: &Nodes<D>, embedding: Embedding) -> Prolongation<D> {
         let keys: Vec<u64> = coarse.ids.iter().map(block_key).collect();
         let row = |id: &NodeId<D>| {

@@ -10,16 +10,16 @@ pub const MAX_ITERATIONS: u32 = 10_000;
 
 /// z ≈ A⁻¹ r.
 pub trait Preconditioner<const D: usize> {
-    /// Returns the inner iterations that this took: those of its own linear solver, or 1.
+    /// Returns the inner iterations: those of its own linear solver, or 1.
     fn apply(&mut self, r: &NodeVectors<D>, z: &mut NodeVectors<D>) -> u32;
 
-    /// Called when zᵀr ≤ 0: makes the operator safer, or returns false.
+    /// Called when zᵀr ≤ 0: makes the preconditioner more cautious, or returns false if it cannot.
     fn strengthen(&mut self) -> bool {
         false
     }
 }
 
-/// The inverse diagonal blocks.
+/// The inverses of the diagonal blocks.
 pub struct BlockJacobi<T, const D: usize>(pub Vec<Matrix<T, D>>);
 
 impl<T: Real, const D: usize> BlockJacobi<T, D> {
@@ -36,8 +36,9 @@ impl<const D: usize> Preconditioner<D> for BlockJacobi<f64, D> {
     }
 }
 
-/// Solves A x = b from x = 0 until zᵀr ≤ goal(z0ᵀb). β is Polak and Ribière's, zᵀ(r − r_old) / z_oldᵀ r_old, which for a fixed preconditioner
-/// is the usual one and keeps the directions conjugate to the last one for any other ("flexible"). Returns the iterations.
+/// Solves A x = b from x = 0 until zᵀr ≤ goal(z0ᵀb). β is Polak and Ribière's,
+/// zᵀ(r − r_old) / z_oldᵀ r_old, which for a fixed preconditioner is the usual one and keeps the
+/// directions conjugate to the last one for any other ("flexible"). Returns the iterations.
 pub fn conjugate_gradients<const D: usize>(
     operator: &dyn LinearOperator<D>,
     preconditioner: &mut dyn Preconditioner<D>,
@@ -73,7 +74,7 @@ pub fn conjugate_gradients<const D: usize>(
     iterations
 }
 
-/// z with zᵀr > 0, unless the preconditioner cannot do it.
+/// z with zᵀr > 0, unless the preconditioner cannot give one.
 fn precondition<const D: usize>(
     preconditioner: &mut dyn Preconditioner<D>,
     r: &NodeVectors<D>,
@@ -85,7 +86,8 @@ fn precondition<const D: usize>(
     }
 }
 
-/// Conjugate gradients with the diagonal blocks, until zᵀr < ¼ of what it is for a given right-hand side (HOT §5.3, authors' code).
+/// Conjugate gradients with the diagonal blocks, until zᵀr < ¼ of what it is for a given right-hand
+/// side (HOT §5.3, authors' code).
 pub struct Inexact<const D: usize> {
     jacobi: BlockJacobi<f64, D>,
 }

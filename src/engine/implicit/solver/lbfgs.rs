@@ -1,4 +1,5 @@
-//! Quasi-Newton with a multigrid cycle, or an inexact solve, as initial inverse Hessian (HOT algorithm 3).
+//! L-BFGS with a multigrid cycle, or an inexact solve, as initial inverse Hessian (HOT algorithm
+//! 3).
 
 use std::collections::VecDeque;
 

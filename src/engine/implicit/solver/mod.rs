@@ -1,5 +1,6 @@
-//! Minimisation of an [`objective::Objective`]: descent with L-BFGS or Newton's method, Krylov solvers, the Galerkin hierarchy and its
-//! V-cycle, ADMM.
+//! Minimisation of an [`objective::Objective`]: descent with L-BFGS or Newton's method, Krylov
+//! solvers, the Galerkin hierarchy and its V-cycle, ADMM. `policy` decides when to stop, rebuild
+//! and retreat, here and on the GPU.
 
 mod admm;
 mod cholesky;

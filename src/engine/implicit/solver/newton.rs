@@ -18,7 +18,7 @@ pub enum Conditioning {
     MatrixFree,
     /// A symmetric coloured Gauss–Seidel sweep.
     GaussSeidel,
-    /// A V-cycle of a hierarchy that is made anew in every Newton step.
+    /// A V-cycle of a hierarchy that is rebuilt in every Newton step.
     Multigrid(Plan),
 }
 

@@ -5,10 +5,10 @@
 /// Iterations without progress after which rounding is all that is left.
 pub const STALLED: u32 = 8;
 
-/// Iterations that the first, the second and each later model of the Hessian serves for. Where stiff
-/// bodies turn, the start of the step is strained by far more than its end, so that the Hessian
-/// there is a poor guide; soft bodies have converged by then. Measured: half the iterations of
-/// models for 16 where materials of 1e5 and 1e9 Pa meet, and on the twisted bar.
+/// Iterations that the first, the second and each later model of the Hessian serves for. Where
+/// stiff bodies turn, the start of the step is strained by far more than its end, so that the
+/// Hessian there is a poor guide; soft bodies have converged by then. Measured: half the iterations
+/// of models for 16 where materials of 1e5 and 1e9 Pa meet, and on the twisted bar.
 const LIFETIMES: [u32; 3] = [2, 3, 16];
 
 /// Within so many times the tolerance a few iterations will do, and a new model costs as much
@@ -159,7 +159,8 @@ mod tests {
         assert!(progress.has_stalled());
     }
 
-    /// The iterations, of `n` at this residual, that begin with a new model, and whether these forget.
+    /// The iterations, of `n` at this residual, that begin with a new model, and whether these
+    /// forget.
     fn rebuilds(rules: Rules, residual: f64, n: u32) -> Vec<(u32, bool)> {
         let mut lifetime = Lifetime::new(rules);
         let new = |i| match lifetime.iterate(residual) {

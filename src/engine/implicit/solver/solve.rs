@@ -12,7 +12,7 @@ use super::vcycle::Plan;
 use crate::contract::Solve;
 use gridfall_core::sim::settings::{Implicit, Method};
 
-/// Minimises E from the objective's start. Time and step of the result are the engine's to fill in.
+/// Minimises E from the objective's start. The engine fills in time and length of the step.
 pub fn solve<const D: usize>(objective: &dyn Objective<D>, settings: &Implicit) -> (NodeVectors<D>, Solve) {
     let plan = Plan::new(settings);
     let characteristic = Tolerance::characteristic(settings.tolerance);

@@ -56,7 +56,8 @@ fn nodes<const D: usize>(body: &Body<D>) -> Nodes<D> {
     Nodes { ids: body.nodes().to_vec(), period: body.period() }
 }
 
-/// R H P against the dense product on two successive levels, sliding nodes and completed blocks included.
+/// R H P against the dense product on two successive levels, sliding nodes and completed blocks
+/// included.
 fn check_galerkin<const D: usize>(recipe: Recipe<D>, embedding: Embedding) {
     let body = Body::new(recipe);
     let mut nodes = nodes(&body);
@@ -160,7 +161,8 @@ fn plan(smoother: Smoother, coarse_solve: CoarseSolve) -> Plan {
     Plan::new(&Implicit { smoother, coarse_solve, ..Implicit::default() })
 }
 
-/// With a fixed coarse solve the cycle is symmetric and positive definite, also in directions in which sliding nodes may move.
+/// With a fixed coarse solve the cycle is symmetric and positive definite, also in directions in
+/// which sliding nodes may move.
 #[test]
 fn cycle_is_symmetric_and_positive_definite() {
     let body = Body::new(Recipe { cells: [5, 3, 3], ..SOLID });
@@ -174,13 +176,15 @@ fn cycle_is_symmetric_and_positive_definite() {
         let eigenvalues = (0.5 * (&dense + dense.transpose())).symmetric_eigenvalues();
         assert!(eigenvalues.min() > 0.0, "{smoother:?}: {:e}", eigenvalues.min());
     }
-    // The published coarse solve stops at a tolerance, so that the cycle is not even linear; the test above would see it.
+    // The published coarse solve stops at a tolerance, so that the cycle is not even linear; the
+    // test above would see it.
     let adaptive = plan(Smoother::GaussSeidel, CoarseSolve::Adaptive);
     let mut cycle = VCycle::<f64, 3>::new(&body, &dv, &matrix, &adaptive);
     assert!(asymmetry(&dense_operator(&mut cycle, matrix.rows())) > 1e-9);
 }
 
-/// A forward sweep alone is no symmetric operator: the planted error that the test of symmetry must catch.
+/// A forward sweep alone is no symmetric operator: the planted error that the test of symmetry must
+/// catch.
 #[test]
 fn symmetric_sweeps_are_symmetric_and_others_are_not() {
     let body = Body::new(Recipe { cells: [5, 3, 3], ..SOLID });

@@ -3,9 +3,10 @@
 use super::objective::{NodeVectors, Objective};
 use super::verbs::{norm, scaled_norm};
 
-/// L2 norm of the gradient at which Gast et al. stop (kg m/s), as chosen for all scenes in HOT §7.1, where the other methods stop at ε = 1e-7.
+/// L2 norm of the gradient at which Gast et al. stop (kg m/s), as chosen for all scenes in HOT
+/// §7.1, where the other methods stop at ε = 1e-7.
 const GLOBAL: f64 = 1e-3;
-/// The ε to which [`GLOBAL`] belongs; with another ε it changes in proportion.
+/// The ε to which [`GLOBAL`] belongs; it scales in proportion with ε.
 const REFERENCE: f64 = 1e-7;
 
 /// The stopping test.
@@ -36,9 +37,10 @@ impl Tolerance {
         }
     }
 
-    /// By how much a Newton step's linear solver shall reduce sqrt(rᵀP r), P the preconditioner, from what it is at its start:
-    /// min(½, sqrt(max(size, τ))). For the characteristic norm size = sqrt(rᵀP r) and τ belongs to the stiffest material of the scene
-    /// (HOT §5.3); Gast et al. take the plain norm and tolerance.
+    /// Factor by which a Newton step's linear solver shall reduce sqrt(rᵀP r), P the
+    /// preconditioner, relative to its start: min(½, sqrt(max(size, τ))). For the characteristic
+    /// norm size = sqrt(rᵀP r) and τ belongs to the stiffest material of the scene (HOT §5.3); Gast
+    /// et al. take the plain norm and tolerance.
     pub fn reduction<const D: usize>(
         &self,
         objective: &dyn Objective<D>,

@@ -1,7 +1,8 @@
 //! One V-cycle as an approximate inverse (HOT algorithm 2).
 //!
-//! With a fixed coarse solve it is linear, symmetric and positive definite. Matrices and vectors of the cycle are in `T`. f32 would halve the memory
-//! traffic, but loses the inertia of rigid motions where dt² E / ρ dx² nears 10⁷: aluminium in steps of 1/24 s then took nine times the iterations.
+//! With a fixed coarse solve it is linear, symmetric and positive definite. Matrices and vectors of
+//! the cycle are in `T`. f32 would halve the memory traffic, but loses the inertia of rigid motions
+//! where dt² E / ρ dx² nears 10⁷: aluminium in steps of 1/24 s then took nine times the iterations.
 
 use super::coarse::Coarsest;
 use super::galerkin::galerkin;
@@ -15,17 +16,17 @@ use gridfall_core::maths::linalg::{Matrix, Vector};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::settings::{CoarseSolve, Implicit, Smoother as SmootherKind};
 
-/// Nodes below which no further level is worth making.
+/// Nodes below which no further level pays.
 const FEWEST_NODES: usize = 16;
 
-/// How the hierarchy is made.
+/// How the hierarchy is built.
 #[derive(Clone, Copy, Debug)]
 pub struct Plan {
     pub levels: u32,
     pub embedding: Embedding,
     pub smoother: SmootherKind,
     pub coarse_solve: CoarseSolve,
-    /// Coarse matrices from particle quadrature instead of R H P.
+    /// Coarse matrices by particle quadrature instead of R H P.
     pub geometric: bool,
 }
 
@@ -107,7 +108,7 @@ impl<T: Real, const D: usize> VCycle<T, D> {
         self.levels.len() as u32 + 1
     }
 
-    /// Down and up for the right-hand side of the first level, whose x holds the answer.
+    /// One cycle for the right-hand side of the first level, whose x then holds the result.
     fn cycle(&mut self) {
         let depth = self.levels.len();
         let adaptive = self.coarsest.is_adaptive();
@@ -144,7 +145,7 @@ impl<T: Real, const D: usize> VCycle<T, D> {
 
 impl<T: Real, const D: usize> Preconditioner<D> for VCycle<T, D> {
     fn apply(&mut self, r: &NodeVectors<D>, z: &mut NodeVectors<D>) -> u32 {
-        // f32 has few digits but also a short range: the right-hand side is brought to about 1.
+        // f32 also has a short range: the right-hand side is scaled to about 1.
         let largest = r.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
         let scale = if largest > 0.0 { largest } else { 1.0 };
         if self.levels.is_empty() {

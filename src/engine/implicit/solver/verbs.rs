@@ -1,4 +1,5 @@
-//! What the solvers do with fields, the same for all of them. Sums are taken over chunks of fixed length, so that they do not depend on the threads.
+//! Vector operations that all solvers share. Sums are taken over chunks of fixed length, so that
+//! they do not depend on the number of threads.
 
 use rayon::prelude::*;
 
@@ -6,10 +7,11 @@ use super::objective::NodeVectors;
 use gridfall_core::maths::linalg::{Matrix, Vector, apply, cofactor, dot as dot_vectors, transpose};
 use gridfall_core::maths::real::Real;
 
-/// Nodes that a thread takes at a time.
+/// Nodes per task of a thread.
 const CHUNK: usize = 1024;
 
-/// Σ over nodes, chunk by chunk; `term` gets the number of a chunk's first node and how many there are.
+/// Σ over nodes, chunk by chunk; `term` gets the number of a chunk's first node and how many there
+/// are.
 fn sum(nodes: usize, term: impl Fn(usize) -> f64 + Sync) -> f64 {
     let chunk = |c: usize| (c * CHUNK..(c * CHUNK + CHUNK).min(nodes)).map(&term).sum::<f64>();
     let sums: Vec<f64> = (0..nodes.div_ceil(CHUNK)).into_par_iter().map(chunk).collect();
@@ -57,7 +59,7 @@ pub fn difference<const D: usize>(a: &NodeVectors<D>, b: &NodeVectors<D>) -> Nod
     c
 }
 
-/// Changes every node's y by what x is there.
+/// Changes every node's y by its x.
 pub fn update<T: Send, U: Sync>(y: &mut [T], x: &[U], change: impl Fn(&mut T, &U) + Sync) {
     y.par_iter_mut().with_min_len(CHUNK).zip(x).for_each(|(y, x)| change(y, x));
 }

@@ -1,4 +1,5 @@
-//! The minimisation of a step: L-BFGS around one V-cycle (HOT algorithm 3). The device decides, the host reads one small state an iteration.
+//! The minimisation of a step: L-BFGS around one V-cycle (HOT algorithm 3). The device decides; the
+//! host reads one small state per iteration.
 
 use super::hierarchy::Hierarchy;
 use super::kernels::{Pipelines, Program, Tools};
@@ -12,16 +13,16 @@ use crate::implicit::solver::policy::{Lifetime, Model, Progress, Retreat, Rules}
 use gridfall_core::sim::settings::Implicit;
 use gridfall_core::sim::setup::Kernel;
 
-/// Tries of the line search that are recorded at once: nearly always the first does.
+/// Tries of the line search that are recorded at once: nearly always the first succeeds.
 const TRIES: u32 = 2;
-/// Halvings before a direction is given up: 2⁻²⁴ of it is a rounding.
+/// Halvings before a direction is given up: 2⁻²⁴ of it is below rounding.
 const MAX_HALVINGS: u32 = 24;
 /// Part of E that is rounding of its sum.
 const NOISE: f64 = 32.0 * f32::EPSILON as f64;
 /// More than any spectrum of a block-scaled matrix needs.
 const MAX_STRETCH: f32 = 256.0;
 
-/// Minimises the objectives of one scene's steps, and keeps device memory from one to the next.
+/// Minimises the objectives of one scene's steps, and keeps its device memory from one to the next.
 pub struct Minimiser {
     pipelines: Pipelines,
     settings: Implicit,
@@ -34,11 +35,13 @@ impl Minimiser {
         Self { pipelines: Pipelines::new(kernel), settings, hierarchy: None, lbfgs: None }
     }
 
-    /// From `system.dv` to the minimum, there. Time and step of the result are the engine's to fill in; its residual is infinite if the
-    /// objective is not finite at the start. Where rounding keeps the residual above the tolerance, the result says so: not converged, and
-    /// the residual that was reached.
+    /// From `system.dv` to the minimum, there. The engine fills in time and length of the step. The
+    /// residual is infinite if the objective is not finite at the start. Where rounding keeps the
+    /// residual above the tolerance, the result says so: not converged, and the residual that was
+    /// reached.
     ///
-    /// Errors: [`EngineError::Capacity`] when the hierarchy does not fit the device, [`EngineError::DeviceLost`].
+    /// Errors: [`EngineError::Capacity`] when the hierarchy does not fit the device,
+    /// [`EngineError::DeviceLost`].
     pub fn minimise(&mut self, gpu: &Gpu, system: &System, evaluate: &dyn Evaluate) -> Result<Solve, EngineError> {
         let mut solve = Solve { levels: 1, ..Solve::default() };
         if system.rows == 0 {

@@ -1,4 +1,5 @@
-//! Deformations set apart from the nodes, for alternating directions (Fang et al. 2019, "Silly Rubber").
+//! Deformations as variables of their own, for alternating directions (Fang et al. 2019, "Silly
+//! Rubber").
 
 use rayon::prelude::*;
 
@@ -11,11 +12,12 @@ use gridfall_core::material::{Law, Tensor4};
 use gridfall_core::maths::linalg::{Matrix, Vector, apply, det, dot, mul_transpose};
 use gridfall_core::maths::svd::svd;
 
-/// Newton steps of a particle's own minimisation, and the part of its stiffness below which the gradient counts as zero.
+/// Newton steps of a particle's own minimisation, and the part of its stiffness below which the
+/// gradient counts as zero.
 const STEPS: usize = 30;
 const EXACT: f64 = 1e-12;
 
-/// The potential as alternating directions see it.
+/// The potential for alternating directions.
 pub struct Split<'a, const D: usize>(pub &'a Potential<'a, D>);
 
 impl<const D: usize> Split<'_, D> {
@@ -84,7 +86,8 @@ impl<const D: usize> Splitting<D> for Split<'_, D> {
     }
 }
 
-/// argmin of ψ(Z) + ½ k |Z − A|², k the stiffness at rest. Z has A's singular vectors, so that its singular values alone are sought.
+/// argmin of ψ(Z) + ½ k |Z − A|², k the stiffness at rest. Z has A's singular vectors, so that only
+/// its singular values are unknown.
 fn proximal<const D: usize>(law: &Law<f64>, plastic: f64, target: &Matrix<f64, D>) -> Matrix<f64, D> {
     let k = law.stiffness_at_rest();
     let at = svd(target);

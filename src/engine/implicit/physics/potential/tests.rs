@@ -1,4 +1,5 @@
-//! The step's objective against itself: gradient and Hessian against differences, the matrix against the product without one.
+//! The step's objective against itself: gradient and Hessian against differences, the matrix
+//! against the product without one.
 
 use rand::{Rng, SeedableRng, rngs::StdRng};
 
@@ -17,7 +18,8 @@ use gridfall_scene::{self as scene, Limits};
 const SEED: u64 = 20261122;
 const DT_S: f64 = 0.01;
 
-/// A slab of two materials on a slip floor and against a slip wall, in the grip of a turning block, with random F, v and B.
+/// A slab of two materials on a slip floor and against a slip wall, in the grip of a turning block,
+/// with random F, v and B.
 fn problem(dimension: usize, kernel: &str, transfer: &str, random: &mut StdRng) -> Problem {
     let three = |x: &str| if dimension == 3 { x.to_owned() } else { String::new() };
     let json = format!(
@@ -115,8 +117,9 @@ fn differences<const D: usize>(problem: Problem, what: &str, random: &mut StdRng
     let expected = inner(&gradient, &p);
     assert!((slope - expected).abs() < 1e-6 * expected.abs().max(1.0), "{what}: {slope} against {expected}");
 
-    // The Hessian is projected per particle; where that changed nothing it is the gradient's derivative. Directions that stretch little are:
-    // compare where the quadratic forms agree, and demand it of the product and the matrix everywhere.
+    // The Hessian is projected per particle; where that changed nothing it is the gradient's
+    // derivative. Directions that stretch little are: compare where the quadratic forms agree, and
+    // demand it of the product and the matrix everywhere.
     let matrix = potential.hessian(&start);
     let product = potential.linearised(&start);
     let (mut without, mut with) = (NodeVectors::new(), vec![[0.0; D]; p.len()]);
@@ -186,7 +189,8 @@ fn derivative<const D: usize>(problem: Problem, what: &str, random: &mut StdRng)
     assert!(relative < 1e-8, "{what}: {relative}");
 }
 
-/// Alternating directions reach the minimum that L-BFGS finds, both to their tolerance; with sliding nodes and two laws.
+/// Alternating directions reach the minimum that L-BFGS finds, both to their tolerance; with
+/// sliding nodes and two laws.
 #[test]
 fn alternating_directions_find_the_same_minimum() {
     println!("seed {SEED}");
