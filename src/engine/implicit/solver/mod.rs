@@ -6,9 +6,9 @@ mod admm;
 mod cholesky;
 mod coarse;
 mod descent;
-pub mod galerkin;
+mod galerkin;
 mod gauss_seidel;
-pub mod hierarchy;
+mod hierarchy;
 mod krylov;
 mod lbfgs;
 mod line_search;
@@ -20,7 +20,7 @@ mod solve;
 pub mod sparse;
 mod spectrum;
 mod tolerance;
-pub mod vcycle;
+mod vcycle;
 pub(crate) mod verbs;
 
 #[cfg(test)]
@@ -28,4 +28,4 @@ mod fixture;
 #[cfg(test)]
 mod tests;
 
-pub use solve::solve;
+pub(crate) use solve::solve;
