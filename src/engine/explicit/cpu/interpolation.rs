@@ -1,5 +1,5 @@
-//! The part of the solver that depends on the kernel, behind one interface: everything else is compiled once a scalar
-//! and dimension.
+//! The part of the solver that depends on the kernel, behind one interface: everything else is
+//! compiled once per scalar and dimension.
 
 use std::marker::PhantomData;
 
