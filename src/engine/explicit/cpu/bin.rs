@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::chunk::{Chunk, LANES};
 use super::grid_update::Grid;
-use super::solver::{Block, Solver};
+use super::simulation::{Block, Simulation};
 use super::tile::BLOCK;
 use crate::keys;
 use gridfall_core::maths::real::Real;
@@ -56,7 +56,7 @@ pub fn home<T: Real, const D: usize>(
 /// Writes the state of the particle at an old place to a lane of a chunk.
 type Fill<'a, T, const D: usize> = &'a (dyn Fn(usize, &mut Chunk<T, D>, usize) + Sync);
 
-impl<T: Real, const D: usize> Solver<T, D> {
+impl<T: Real, const D: usize> Simulation<T, D> {
     /// Sorts particles into blocks by their positions and prepares the nodes of these blocks.
     pub fn bin(&mut self) {
         let (cell, period) = (self.constants.layout.cell, self.constants.period);

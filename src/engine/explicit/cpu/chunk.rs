@@ -30,7 +30,7 @@ pub struct Chunk<T, const D: usize> {
     /// Index in sampling order.
     pub id: Lanes<u32>,
     pub count: usize,
-    /// Index into the solver's blocks.
+    /// Index into the simulation's blocks.
     pub block: u32,
     pub body: u32,
 }

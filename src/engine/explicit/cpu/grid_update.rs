@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::solver::Block;
+use super::simulation::Block;
 use super::tables::Tables;
 use super::tile::{BLOCK, Layout, MASS, Node};
 use gridfall_core::maths::real::Real;

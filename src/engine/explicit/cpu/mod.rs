@@ -11,7 +11,7 @@ mod grid_update;
 mod interpolation;
 mod isolated;
 mod p2g;
-mod solver;
+mod simulation;
 mod stages;
 mod tables;
 mod tile;

@@ -2,7 +2,7 @@
 
 use super::g2p::Moves;
 use super::grid_update::NodeState;
-use super::solver::Solver;
+use super::simulation::Simulation;
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::Reaction;
@@ -55,36 +55,36 @@ pub trait Stages: Send {
     fn extremes(&self) -> Extremes;
 }
 
-impl<T: Real, const D: usize> Stages for Solver<T, D> {
+impl<T: Real, const D: usize> Stages for Simulation<T, D> {
     fn load(&mut self, particles: Particles) {
-        Solver::load(self, particles);
+        Simulation::load(self, particles);
     }
     fn start_frame(&mut self) {
-        Solver::start_frame(self);
+        Simulation::start_frame(self);
     }
     fn bin(&mut self) {
-        Solver::bin(self);
+        Simulation::bin(self);
     }
     fn p2g(&mut self, dt_s: f64) {
-        Solver::p2g(self, dt_s);
+        Simulation::p2g(self, dt_s);
     }
     fn grid_update(&mut self, dt_s: f64, time_s: f64) -> Vec<Reaction> {
-        Solver::grid_update(self, dt_s, time_s)
+        Simulation::grid_update(self, dt_s, time_s)
     }
     fn g2p(&mut self, dt_s: f64) -> Moved {
-        Solver::g2p(self, dt_s).into()
+        Simulation::g2p(self, dt_s).into()
     }
     fn g2p2g(&mut self, dt_s: f64) -> Moved {
-        Solver::g2p2g(self, dt_s).into()
+        Simulation::g2p2g(self, dt_s).into()
     }
     fn particles(&self) -> Particles {
-        Solver::particles(self)
+        Simulation::particles(self)
     }
     fn nodes(&self) -> Vec<NodeState> {
         self.grid.nodes(&self.tiles)
     }
     fn extremes(&self) -> Extremes {
-        Solver::extremes(self)
+        Simulation::extremes(self)
     }
 }
 
@@ -105,9 +105,9 @@ impl<T: Real> From<Moves<T>> for Moved {
 /// The simulation for a problem's dimension and precision, loaded with its particles.
 pub fn stages(setup: &Setup, particles: Particles) -> Box<dyn Stages> {
     match (setup.dimension, setup.precision) {
-        (2, Precision::F32) => Box::new(Solver::<f32, 2>::new(setup, particles)),
-        (2, Precision::F64) => Box::new(Solver::<f64, 2>::new(setup, particles)),
-        (_, Precision::F32) => Box::new(Solver::<f32, 3>::new(setup, particles)),
-        (_, Precision::F64) => Box::new(Solver::<f64, 3>::new(setup, particles)),
+        (2, Precision::F32) => Box::new(Simulation::<f32, 2>::new(setup, particles)),
+        (2, Precision::F64) => Box::new(Simulation::<f64, 2>::new(setup, particles)),
+        (_, Precision::F32) => Box::new(Simulation::<f32, 3>::new(setup, particles)),
+        (_, Precision::F64) => Box::new(Simulation::<f64, 3>::new(setup, particles)),
     }
 }

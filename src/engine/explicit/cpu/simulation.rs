@@ -1,4 +1,4 @@
-//! The explicit solver, generic in scalar and dimension, as stages that tests can call one at a time.
+//! The explicit simulation, generic in scalar and dimension, as stages that tests can call one at a time.
 
 use rayon::prelude::*;
 
@@ -36,7 +36,7 @@ impl<T> BodySetup<T> {
     }
 }
 
-/// What stays the same during a run, in the solver's scalar.
+/// What stays the same during a run, in the simulation's scalar.
 #[derive(Clone, Debug)]
 pub struct Constants<T, const D: usize> {
     pub dx: T,
@@ -61,7 +61,7 @@ pub struct Block<T, const D: usize> {
 }
 
 /// A particle simulation whose stages have the names of the GPU's.
-pub struct Solver<T, const D: usize> {
+pub struct Simulation<T, const D: usize> {
     pub(super) constants: Constants<T, D>,
     pub(super) setup: Setup,
     interpolation: Box<dyn Interpolation<T, D>>,
@@ -72,7 +72,7 @@ pub struct Solver<T, const D: usize> {
     pub(super) grid: Grid<T, D>,
 }
 
-impl<T: Real, const D: usize> Solver<T, D> {
+impl<T: Real, const D: usize> Simulation<T, D> {
     pub fn new(setup: &Setup, particles: Particles) -> Self {
         let bodies = setup.bodies.iter().zip(demands_at_rest_1_s2(setup)).map(|(body, demand)| BodySetup {
             law: Law::new(&setup.materials[body.material]),
@@ -90,7 +90,7 @@ impl<T: Real, const D: usize> Solver<T, D> {
             layout: interpolation.layout(),
             period: std::array::from_fn(periodic),
         };
-        let mut solver = Self {
+        let mut simulation = Self {
             constants,
             setup: setup.clone(),
             interpolation,
@@ -99,8 +99,8 @@ impl<T: Real, const D: usize> Solver<T, D> {
             tiles: Vec::new(),
             grid: Grid::default(),
         };
-        solver.load(particles);
-        solver
+        simulation.load(particles);
+        simulation
     }
 
     /// Replaces all particle states, and bins.
