@@ -203,3 +203,6 @@ impl Engine for ImplicitEngine {
         self.stepper.snapshot()
     }
 }
+
+#[cfg(test)]
+mod tests;
