@@ -1,18 +1,22 @@
-//! What explicit and implicit integration of a problem are predicted to cost, and which of them `auto` stands for.
+//! What explicit and implicit integration of a problem are predicted to cost, and which of them
+//! `auto` stands for.
 //!
-//! Both predictions are of the state at time 0: the explicit step is the stable one ([`super::timestep`]), the implicit one is what the
-//! motion of particles over the grid allows (Wang et al. 2020, HOT, §6: CFL-rate stepping). The ratio of the two speeds decides; it is
-//! about the same on CPUs and GPUs, so that the choice does not depend on the device.
+//! Both predictions are of the state at time 0: the explicit step is the stable one
+//! ([`super::timestep`]), the implicit one is what the motion of particles over the grid allows
+//! (Wang et al. 2020, HOT, §6: CFL-rate stepping). The ratio of the two speeds decides; it is about
+//! the same on CPUs and GPUs, so that the choice does not depend on the device.
 
 use super::particles::Particles;
 use super::setup::{Integrator, Method, Setup};
 use super::source::Source;
 use super::timestep::{Bound, MIN_IMPLICIT_STEP_S, StepPlan, crossing_s, initial_extremes, limits, plan_steps};
 
-/// Explicit particle-steps a second, fixed corotated, f32, two cores of a server (docs/BENCHMARKS.md, fixed-corotated-pair small).
+/// Explicit particle-steps a second, fixed corotated, f32, two cores of a server
+/// (docs/BENCHMARKS.md, fixed-corotated-pair small).
 const EXPLICIT_PARTICLE_STEPS_PER_S: f64 = 9e6;
-/// Implicit particle-steps a second, HOT at ε = 1e-7 on the same cores, quadratic kernel: the first frames of the reduced HOT scenes had 13 thousand
-/// (donut, 25 iterations a step) to 135 thousand (faceless, 3); low, so that what is nearly even stays explicit (docs/BENCHMARKS.md).
+/// Implicit particle-steps a second, HOT at ε = 1e-7 on the same cores, quadratic kernel: the first
+/// frames of the reduced HOT scenes had 13 thousand (donut, 25 iterations a step) to 135 thousand
+/// (faceless, 3); low, so that what is nearly even stays explicit (docs/BENCHMARKS.md).
 const IMPLICIT_PARTICLE_STEPS_PER_S: f64 = 2e4;
 
 /// One way to integrate a problem, and what it is predicted to cost.

@@ -65,8 +65,10 @@ fn too_far() -> Moved {
 fn problem() -> Problem {
     let json = r#"{ "gridfall": 1, "name": "rest", "gravity": [0, 0, 0],
         "domain": { "min": [0, 0, 0], "max": [1, 1, 1], "dx": 0.125 },
-        "materials": { "gum": { "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 } },
-        "bodies": [ { "name": "block", "material": "gum", "shape": { "box": { "min": [0.25, 0.25, 0.25], "max": [0.5, 0.5, 0.5] } } } ],
+        "materials": { "gum": { "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5,
+          "poissons_ratio": 0.3 } },
+        "bodies": [ { "name": "block", "material": "gum", "shape": { "box": { "min": [0.25, 0.25, 0.25],
+          "max": [0.5, 0.5, 0.5] } } } ],
         "time": { "end": 1, "frame_rate": 10 }, "solver": { "integrator": "implicit" } }"#;
     let scene = scene::parse(json).unwrap_or_else(|faults| panic!("{faults:?}"));
     scene::problem(&scene, &Limits::default()).unwrap_or_else(|faults| panic!("{faults:?}"))

@@ -83,7 +83,12 @@ pub fn assemble<const D: usize>(
 
 widest! {
     /// Adds g_i · K · g_j to the sums of all nodes j of a particle.
-    fn couple[const D: usize][D](k: &Tensor4<f64, D>, g_i: &Vector<f64, D>, g: &[Vector<f64, D>], sums: &mut [Matrix<f64, D>]) {
+    fn couple[const D: usize][D](
+        k: &Tensor4<f64, D>,
+        g_i: &Vector<f64, D>,
+        g: &[Vector<f64, D>],
+        sums: &mut [Matrix<f64, D>],
+    ) {
         // k_i[d][a][c] = Σ_b g_b K_abcd
         let mut k_i = [[[0.0; D]; D]; D];
         for a in 0..D {
