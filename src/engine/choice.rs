@@ -84,7 +84,7 @@ fn on_cpu(setup: &Setup, particles: Particles, reason: &str) -> Result<Box<dyn E
 
 fn on_gpu(gpu: Arc<Gpu>, setup: &Setup, particles: Particles, reason: &str) -> Result<Box<dyn Engine>, EngineError> {
     Ok(match setup.integrator {
-        Integrator::Implicit => Box::new(implicit::GpuImplicitEngine::new(gpu, setup, particles, reason)?),
+        Integrator::Implicit => Box::new(ImplicitEngine::on_gpu(gpu, setup, particles, reason)?),
         _ => Box::new(GpuEngine::new(gpu, setup, particles, reason)?),
     })
 }

@@ -7,5 +7,6 @@ mod contract;
 pub mod explicit;
 pub mod gpu;
 pub mod implicit;
+mod keys;
 
 pub use contract::{Backend, Control, Engine, EngineError, FrameStats, NoControl, Solve};

@@ -8,7 +8,7 @@ use super::appearance::Appearance;
 use super::excerpt::Excerpt;
 use super::palette::{Palette, to_srgb};
 use gridfall_core::material;
-use gridfall_core::sim::diagnostics::determinant;
+use gridfall_core::maths::linalg::determinant;
 use gridfall_core::sim::setup::{Field, Setup};
 
 /// Which particles of an excerpt are recorded and how a point is laid out; the same for all frames.

@@ -18,9 +18,9 @@ use super::picture::Camera;
 use super::points::Points;
 use super::{RecordingError, colliders, diagnostics, partial_path, publish};
 use crate::appearance::Appearance;
+use crate::excerpt::{Excerpt, select, union};
 use crate::provenance;
 use gridfall_core::sim::diagnostics::{Row, SolverRow};
-use crate::excerpt::{Excerpt, select, union};
 use gridfall_core::sim::setup::Setup;
 use gridfall_engine::Backend;
 

@@ -9,6 +9,7 @@ use super::forced::Forced;
 use super::report::Rule;
 use super::session::Session;
 use super::setup::{Scheme, problem, vector};
+use gridfall_core::maths::linalg::determinant;
 use gridfall_core::sim::setup::{Kernel, Problem, Transfer};
 use gridfall_core::sim::timestep::material_bound;
 use gridfall_engine::EngineError;
@@ -66,11 +67,8 @@ fn still_water(session: &mut Session) -> Result<(), EngineError> {
             weight_s += window * simulation.dt_s();
             impulse += window * floor_impulse(&problem, &simulation);
             let particles = simulation.particles();
-            let pressures = bottom.iter().map(|&p| {
-                let f = &particles.f[p];
-                let j = if d == 2 { f[0] * f[4] } else { f[0] * f[4] * f[8] };
-                bulk_modulus / 7.15 * (j.powf(-7.15) - 1.0)
-            });
+            let pressures =
+                bottom.iter().map(|&p| bulk_modulus / 7.15 * (determinant(&particles.f[p]).powf(-7.15) - 1.0));
             pressure += window * simulation.dt_s() * pressures.sum::<f64>() / bottom.len() as f64;
         }
         let weight = g * problem.setup.bodies[0].mass * problem.particles.len() as f64;

@@ -3,7 +3,7 @@
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Problem;
 use gridfall_engine::implicit::ImplicitEngine;
-use gridfall_engine::implicit::gpu::{GpuImplicitEngine, supports};
+use gridfall_engine::implicit::gpu::supports;
 use gridfall_engine::{Engine, FrameStats, NoControl};
 
 use super::common;
@@ -29,8 +29,8 @@ fn scene(kernel: &str, transfer: &str) -> Problem {
     ))
 }
 
-fn engine(problem: &Problem) -> GpuImplicitEngine {
-    GpuImplicitEngine::new(common::gpu(), &problem.setup, problem.particles.clone(), "test").unwrap()
+fn engine(problem: &Problem) -> ImplicitEngine {
+    ImplicitEngine::on_gpu(common::gpu(), &problem.setup, problem.particles.clone(), "test").unwrap()
 }
 
 fn run(engine: &mut dyn Engine, problem: &Problem, frames: u32) -> (Vec<FrameStats>, Particles) {

@@ -108,7 +108,11 @@ fn rooms(layers: &[Layer], ground: &str, roof: &str) -> Vec<String> {
 fn a_sound_house_has_no_faults() {
     none(&rooms(ROOMS, "fn a() {}", "use crate::ground::a;"));
     none(&rooms(ROOMS, "fn a() {}", "fn b() { super::ground::a() }"));
-    none(&rooms(ROOMS, "fn a() {} #[cfg(test)] mod tests { use crate::roof; } // crate::roof", "use crate::{ground::a};"));
+    none(&rooms(
+        ROOMS,
+        "fn a() {} #[cfg(test)] mod tests { use crate::roof; } // crate::roof",
+        "use crate::{ground::a};",
+    ));
 }
 
 #[test]

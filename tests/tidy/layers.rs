@@ -15,11 +15,7 @@ pub const CRATES: &[(&str, &[&str])] = &[
     ("service", &["core", "scene", "engine", "recording"]),
 ];
 
-pub const CORE: &[Layer] = &[
-    ("maths", &[]),
-    ("material", &["maths"]),
-    ("sim", &["maths", "material"]),
-];
+pub const CORE: &[Layer] = &[("maths", &[]), ("material", &["maths"]), ("sim", &["maths", "material"])];
 
 pub const ENGINE: &[Layer] = &[
     ("contract", &[]),

@@ -26,7 +26,11 @@ fn long_lines(files: &[Source], most: usize) -> Vec<String> {
 
 fn long_files(files: &[Source]) -> Vec<String> {
     let long = |file: &&Source| file.text.lines().count() > MAX_LINES;
-    files.iter().filter(long).map(|file| format!("{} has over {MAX_LINES} lines; look for the seam", file.path)).collect()
+    files
+        .iter()
+        .filter(long)
+        .map(|file| format!("{} has over {MAX_LINES} lines; look for the seam", file.path))
+        .collect()
 }
 
 /// Files that do not begin with `mark`, a comment that says what they are.

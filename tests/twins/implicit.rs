@@ -8,12 +8,12 @@ use std::collections::HashMap;
 use gridfall_core::maths::linalg::{apply, dot};
 use gridfall_core::sim::setup::{Kernel, Material, Problem, Transfer};
 use gridfall_engine::NoControl;
-use gridfall_engine::implicit::gpu::{NodeReading, Stepper, SystemReading};
+use gridfall_engine::implicit::gpu::{DeviceStep, NodeReading, SystemReading};
 use gridfall_engine::implicit::physics::discretisation::Discretisation;
 use gridfall_engine::implicit::physics::potential::Potential;
 use gridfall_engine::implicit::physics::state::{BodySetup, setups};
 use gridfall_engine::implicit::physics::transfer::grid_to_particles;
-use gridfall_engine::implicit::solver::objective::{Field, Freedom, NodeId, Objective};
+use gridfall_engine::implicit::solver::objective::{Freedom, NodeId, NodeVectors, Objective};
 use gridfall_engine::implicit::solver::sparse::Bsr;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -63,7 +63,7 @@ fn scene(kernel: &str, transfer: &str, [a, b, c]: [&str; 3], seed: u64) -> Probl
     ));
     common::randomise(&mut problem, &mut ChaCha8Rng::seed_from_u64(seed));
     // States as f32 has them: beside a kernel's edge, weights magnify a rounding of the position.
-    problem.particles = Stepper::new(common::gpu(), &problem.setup, &problem.particles).unwrap().snapshot().unwrap();
+    problem.particles = DeviceStep::new(common::gpu(), &problem.setup, &problem.particles).unwrap().snapshot().unwrap();
     problem
 }
 
@@ -86,7 +86,7 @@ impl<'a> Reference<'a> {
     }
 
     /// A Δv near where the solver starts, which keeps what is prescribed.
-    fn somewhere(&self, rng: &mut ChaCha8Rng) -> Field<3> {
+    fn somewhere(&self, rng: &mut ChaCha8Rng) -> NodeVectors<3> {
         let potential = self.potential();
         let mut dv = potential.start();
         for (dv, freedom) in dv.iter_mut().zip(potential.freedoms()) {
@@ -160,7 +160,7 @@ fn rows_of(gpu: &SystemReading, cpu: &Reference) -> Vec<Option<usize>> {
 }
 
 /// What the system, and matrix, gradient and energy at a Δv differ by; leaves that Δv on the device.
-fn compare_system(stepper: &Stepper, cpu: &Reference, potential: &Potential<3>, at: &Field<3>) -> Differences {
+fn compare_system(stepper: &DeviceStep, cpu: &Reference, potential: &Potential<3>, at: &NodeVectors<3>) -> Differences {
     let gpu = stepper.system().unwrap();
     let full = DENSITY * cpu.problem.setup.dx.powi(3);
     let rows = rows_of(&gpu, cpu);
@@ -239,11 +239,11 @@ fn compare_matrix(gpu: &SystemReading, rows: &[Option<usize>], cpu: &Reference, 
 }
 
 /// What the step's end differs by, with the Δv on the device.
-fn compare_end(stepper: &mut Stepper, cpu: &Reference, dv: &Field<3>) -> Differences {
+fn compare_end(stepper: &mut DeviceStep, cpu: &Reference, dv: &NodeVectors<3>) -> Differences {
     let problem = cpu.problem;
     let moved = stepper.finish().unwrap();
     let potential = cpu.potential();
-    let velocities = potential.velocities(dv);
+    let velocities = cpu.step.velocities(dv);
     let (_, impulses) = potential.energy_and_forces(dv);
     let share = cpu.step.topology.interpolation.shape.share;
     let reactions = cpu.step.boundary.reactions(&problem.setup, share, &impulses);
@@ -279,14 +279,14 @@ fn step(gpu: &Problem, cpu: &Problem, seed: u64) -> (Differences, bool) {
     let mut reference = Reference::new(cpu);
     let rng = &mut ChaCha8Rng::seed_from_u64(seed);
     let (first, second) = (reference.somewhere(rng), reference.somewhere(rng));
-    let mut stepper = Stepper::new(common::gpu(), &gpu.setup, &gpu.particles).unwrap();
+    let mut stepper = DeviceStep::new(common::gpu(), &gpu.setup, &gpu.particles).unwrap();
     stepper.begin(TIME_S, DT_S, false).unwrap();
     let mut found = compare_nodes(&stepper.nodes(false).unwrap(), &reference);
     found.extend(compare_system(&stepper, &reference, &reference.potential(), &first));
     let (_, impulses) = reference.potential().energy_and_forces(&first);
     let released = reference.step.boundary.release(&impulses);
     assert!(stepper.revise().unwrap());
-    let rubbing = reference.potential().with_friction(first);
+    let rubbing = reference.potential().with_friction(first, &impulses);
     found.extend(compare_system(&stepper, &reference, &rubbing, &second));
     found.extend(compare_end(&mut stepper, &reference, &second));
     for (name, difference) in &found {

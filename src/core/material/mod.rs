@@ -32,7 +32,7 @@ pub use stvk_hencky::StvkHencky;
 pub use von_mises::VonMises;
 pub use weakly_compressible_fluid::WeaklyCompressibleFluid;
 
-use crate::maths::linalg::{Matrix, Vector, det, from_row_major, scaled_identity, to_row_major};
+use crate::maths::linalg::{Matrix, Vector, det, determinant, from_row_major, scaled_identity, to_row_major};
 use crate::maths::real::Real;
 use crate::maths::svd::{Svd, svd};
 use parameters::{Elastic, Material};
@@ -201,7 +201,7 @@ pub fn kirchhoff(material: &Material, dimension: usize, f: &[f64; 9], plastic: f
 
 /// Cauchy stress σ (Pa), row-major, without viscosity; arguments as [`energy_density`].
 pub fn cauchy(material: &Material, dimension: usize, f: &[f64; 9], plastic: f64) -> [f64; 9] {
-    let j = det(&from_row_major::<f64, 3>(f));
+    let j = determinant(f);
     kirchhoff(material, dimension, f, plastic).map(|tau| tau / j)
 }
 

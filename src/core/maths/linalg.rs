@@ -139,6 +139,11 @@ pub fn det<T: Real, const D: usize>(a: &Matrix<T, D>) -> T {
     dot(&a[0], &cofactor(a)[0])
 }
 
+/// Determinant of a row-major 3 × 3 array.
+pub fn determinant(a: &[f64; 9]) -> f64 {
+    det(&from_row_major::<f64, 3>(a))
+}
+
 /// The upper left `D` × `D` part of a row-major 3 × 3 array.
 pub fn from_row_major<T: Real, const D: usize>(a: &[f64; 9]) -> Matrix<T, D> {
     let mut m = [[T::ZERO; D]; D];
@@ -190,6 +195,7 @@ mod tests {
         let flat = to_row_major(&a, 1.0);
         assert_eq!(flat, [1.0, 2.0, 0.0, 3.0, 4.0, 0.0, 0.0, 0.0, 1.0]);
         assert_eq!(from_row_major::<f64, 2>(&flat), a);
+        assert_eq!(determinant(&flat), det(&a));
         assert_eq!(add_scaled(&a, 2.0, &identity()), [[3.0, 2.0], [3.0, 6.0]]);
     }
 }

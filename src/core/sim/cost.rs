@@ -1,22 +1,23 @@
-//! What explicit and implicit integration of a problem are predicted to cost, and which of them `auto` stands for.
+//! What explicit and implicit integration of a problem are predicted to cost, and which of them
+//! `auto` stands for.
 //!
-//! Both predictions are of the state at time 0: the explicit step is the stable one ([`super::timestep`]), the implicit one is what the
-//! motion of particles over the grid allows (Wang et al. 2020, HOT, §6: CFL-rate stepping). The ratio of the two speeds decides; it is
-//! about the same on CPUs and GPUs, so that the choice does not depend on the device.
+//! Both predictions are of the state at time 0: the explicit step is the stable one
+//! ([`super::timestep`]), the implicit one is what the motion of particles over the grid allows
+//! (Wang et al. 2020, HOT, §6: CFL-rate stepping). The ratio of the two speeds decides; it is about
+//! the same on CPUs and GPUs, so that the choice does not depend on the device.
 
 use super::particles::Particles;
 use super::setup::{Integrator, Method, Setup};
 use super::source::Source;
-use super::timestep::{Bound, StepPlan, initial_extremes, limits, max_collider_speed_m_s, plan_steps};
+use super::timestep::{Bound, MIN_IMPLICIT_STEP_S, StepPlan, crossing_s, initial_extremes, limits, plan_steps};
 
-/// Explicit particle-steps a second, fixed corotated, f32, two cores of a server (docs/BENCHMARKS.md, fixed-corotated-pair small).
+/// Explicit particle-steps a second, fixed corotated, f32, two cores of a server
+/// (docs/BENCHMARKS.md, fixed-corotated-pair small).
 const EXPLICIT_PARTICLE_STEPS_PER_S: f64 = 9e6;
-/// Implicit particle-steps a second, HOT at ε = 1e-7 on the same cores, quadratic kernel: the first frames of the reduced HOT scenes had 13 thousand
-/// (donut, 25 iterations a step) to 135 thousand (faceless, 3); low, so that what is nearly even stays explicit (docs/BENCHMARKS.md).
+/// Implicit particle-steps a second, HOT at ε = 1e-7 on the same cores, quadratic kernel: the first
+/// frames of the reduced HOT scenes had 13 thousand (donut, 25 iterations a step) to 135 thousand
+/// (faceless, 3); low, so that what is nearly even stays explicit (docs/BENCHMARKS.md).
 const IMPLICIT_PARTICLE_STEPS_PER_S: f64 = 2e4;
-
-/// The shortest implicit step (s); whatever moves faster than cfl dx in it is an error of the scene.
-pub const MIN_IMPLICIT_STEP_S: f64 = 1e-6;
 
 /// One way to integrate a problem, and what it is predicted to cost.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,11 +58,7 @@ pub fn explicit(setup: &Setup, particles: &Particles) -> Prediction {
 
 /// The implicit prediction, whether or not the problem's materials can run implicitly.
 pub fn implicit(setup: &Setup, particles: &Particles) -> Prediction {
-    let speed = initial_extremes(setup, particles).speed_m_s.max(max_collider_speed_m_s(setup));
-    let gravity = setup.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
-    // cfl dx = (v + g dt) dt: with what gravity adds to v within the step.
-    let way = setup.cfl * setup.dx;
-    let crossing = 2.0 * way / (speed + (speed * speed + 4.0 * gravity * way).sqrt());
+    let crossing = crossing_s(setup, initial_extremes(setup, particles).speed_m_s);
     let mut limits = vec![(crossing.max(MIN_IMPLICIT_STEP_S), Bound::ParticleSpeed), (setup.frame_s, Bound::Frame)];
     limits.extend(setup.max_dt_s.map(|dt| (dt, Bound::MaxDt)));
     Prediction::new(setup, limits, IMPLICIT_PARTICLE_STEPS_PER_S)

@@ -16,6 +16,7 @@ use super::reaction::{Reaction, Surface, named_surfaces};
 use super::setup::{Setup, Transfer};
 use super::stats::FrameStats;
 use crate::material;
+use crate::maths::linalg::determinant;
 
 columns! {
 /// One row of diagnostics. The field names are the columns of the CSV, the keys of the JSON and the fields of the protobuf.
@@ -251,11 +252,6 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-/// det F, rows first.
-pub fn determinant(f: &[f64; 9]) -> f64 {
-    dot([f[0], f[1], f[2]], cross([f[3], f[4], f[5]], [f[6], f[7], f[8]]))
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::setup::{Material, Setup};
 use crate::material::Law;
-use crate::maths::linalg::{det, from_row_major};
+use crate::maths::linalg::{determinant, from_row_major};
 use crate::maths::svd::svd;
 
 /// Compressed to less of its volume than this, a material was too soft for its load.
@@ -25,10 +25,9 @@ pub struct Suspect {
 pub fn likely_cause(setup: &Setup, suspect: &Suspect) -> String {
     let body = &setup.bodies[suspect.body];
     let material = &setup.materials[body.material];
-    let f = from_row_major::<f64, 3>(&suspect.f);
-    let j = det(&f);
+    let j = determinant(&suspect.f);
     let wave_m_s = (Law::<f64>::new(material).stiffness_at_rest() * body.volume0 / body.mass).sqrt();
-    let stretch = svd(&f).sigma[0];
+    let stretch = svd(&from_row_major::<f64, 3>(&suspect.f)).sigma[0];
     if !j.is_finite() {
         return "its deformation is no longer a number; lower solver.cfl or solver.max_dt".into();
     }

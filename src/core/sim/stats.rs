@@ -12,7 +12,7 @@ pub struct FrameStats {
     pub dt_s: f64,
     /// Particles that were alone on their nodes and were reset.
     pub isolated_reset: u64,
-    /// Mean force and torque on every surface, in the order of [`gridfall_core::sim::reaction`]; empty for frame 0.
+    /// Mean force and torque on every surface, in the order of [`super::reaction`]; empty for frame 0.
     pub reactions: Vec<Reaction>,
     /// The steps of an implicit engine, in order; empty for an explicit one.
     pub solves: Vec<Solve>,

@@ -27,8 +27,8 @@ use super::setup::{Body, Kernel, Material, Setup, Transfer};
 use crate::material;
 
 pub use plan::{
-    Extremes, MAX_GROWTH, REPLAN, REPLAN_DEMAND, SHRINK, StepPlan, initial_extremes, limits, max_collider_speed_m_s,
-    plan_frame, plan_steps,
+    Extremes, MAX_GROWTH, MIN_IMPLICIT_STEP_S, REPLAN, REPLAN_DEMAND, SHRINK, StepPlan, crossing_s, initial_extremes,
+    limits, max_collider_speed_m_s, plan_frame, plan_steps,
 };
 
 /// Share of the elastic and viscous bounds that is used: they are sharp, and hold for small strain.
@@ -181,8 +181,8 @@ fn body_bounds(setup: &Setup, index: usize, body: &Body) -> [(f64, Bound); 2] {
     let viscous = elastic_bounds_s(setup, 0.0, viscosity, rho);
     let both = |elastic: f64, unit: f64| {
         let (a, b) = (1.0 / (elastic * elastic), 2.0 / (unit * unit));
-        // The positive root of a dt² + b dt = 1, in the form that has no cancellation; viscosity rules if b dt > ½.
-        (2.0 / (b + (b * b + 4.0 * a).sqrt()), 2.0 * b * b > a)
+        // a dt² + b dt = 1; viscosity rules if b dt > ½.
+        (plan::positive_root(a, b, 1.0), 2.0 * b * b > a)
     };
     let rules = [Bound::Bulk { body: index }, Bound::SingleParticle { body: index }];
     let bounds = [both(elastic.0, viscous.0), both(elastic.1, viscous.1)];

@@ -1,13 +1,15 @@
-//! Implicit Euler as minimisation (Wang et al. 2020, "Hierarchical Optimization Time Integration for CFL-rate MPM stepping", HOT):
-//! the step's Δv minimises E(Δv) = ½ Σ m_i |Δv_i|² + Σ V0 ψ((I + dt ∇v) Fⁿ) − dt Σ m_i g·Δv_i.
+//! Implicit Euler as minimisation (Wang et al. 2020, "Hierarchical Optimization Time Integration
+//! for CFL-rate MPM stepping", HOT): the step's Δv minimises E(Δv) = ½ Σ m_i |Δv_i|² + Σ V0
+//! ψ((I + dt ∇v) Fⁿ) − dt Σ m_i g·Δv_i.
 //!
-//! `physics` makes a step's objective, `solver` minimises it and sees nothing of particles, `cpu` runs frames in f64; `gpu` has the same
-//! stages by the same names in f32.
+//! `physics` makes a step's objective and `solver` minimises it, knowing nothing of particles.
+//! `engine` runs frames over the stages of a step, which `cpu` has in f64 and `gpu` in f32.
 
-pub mod cpu;
+mod cpu;
+mod engine;
 pub mod gpu;
 pub mod physics;
 pub mod solver;
-pub mod step;
+mod step;
 
-pub use cpu::ImplicitEngine;
+pub use engine::ImplicitEngine;

@@ -11,8 +11,8 @@ mod view;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::palette::{Palette, Rgb, to_srgb};
 use super::excerpt::{Excerpt, select};
+use super::palette::{Palette, Rgb, to_srgb};
 use gridfall_core::sim::setup::Setup;
 use splat::Ball;
 use view::View;

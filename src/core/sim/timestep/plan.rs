@@ -13,11 +13,16 @@ use crate::sim::setup::{Body, Setup};
 /// Share of the bounds at which an engine re-plans inside a frame.
 pub const REPLAN: f64 = 0.98;
 
-/// A step that turned out too long is followed by one of at most this share of it, so that planning anew always helps.
+/// A step that turned out too long is followed by one of at most this share of it, so that planning
+/// anew always helps.
 pub const SHRINK: f64 = 0.9;
 
 /// Largest entry of dt ∇v in a step (Sun, Shinar & Schroeder 2020).
 pub const MAX_GROWTH: f64 = 0.5;
+
+/// The shortest implicit step (s); whatever moves faster than cfl dx in it is an error of the
+/// scene.
+pub const MIN_IMPLICIT_STEP_S: f64 = 1e-6;
 
 /// Growth of the demand within a frame beyond which its steps are too long.
 pub const REPLAN_DEMAND: f64 = (REPLAN / SAFETY) * (REPLAN / SAFETY);
@@ -33,7 +38,8 @@ pub struct Extremes {
     pub demand_1_s2: f64,
 }
 
-/// The step of a frame: `steps` equal steps, because varying steps feed isolated particles (Bai & Schroeder §3.2).
+/// The step of a frame: `steps` equal steps, because varying steps feed isolated particles (Bai &
+/// Schroeder §3.2).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepPlan {
     pub dt_s: f64,
@@ -53,8 +59,9 @@ impl StepPlan {
 
 /// Plans `frame_s` seconds in equal steps.
 ///
-/// Particles must not move more than `cfl` dx in a step: dt ≤ cfl dx / (|v| + √d dx ‖C‖) (Sun, Shinar & Schroeder 2020), with what gravity
-/// adds to |v| within the frame, and no less than the fastest collider.
+/// Particles must not move more than `cfl` dx in a step: dt ≤ cfl dx / (|v| + √d dx ‖C‖) (Sun,
+/// Shinar & Schroeder 2020), with what gravity adds to |v| within the frame, and no less than the
+/// fastest collider.
 pub fn plan_frame(setup: &Setup, extremes: &Extremes, frame_s: f64) -> StepPlan {
     plan_steps(&limits(setup, extremes, frame_s), frame_s)
 }
@@ -84,6 +91,19 @@ pub fn limits(setup: &Setup, extremes: &Extremes, frame_s: f64) -> Vec<(f64, Bou
     limits.extend(setup.max_dt_s.map(|dt| (dt, Bound::MaxDt)));
     limits.push((frame_s, Bound::Frame));
     limits
+}
+
+/// The time (s) in which nothing crosses more than `cfl` dx: (v + g dt) dt = cfl dx, v the speed of
+/// the fastest particle, here `speed_m_s`, or of the fastest collider, with what gravity adds on
+/// the way. Infinite at rest without gravity.
+pub fn crossing_s(setup: &Setup, speed_m_s: f64) -> f64 {
+    let speed = speed_m_s.max(max_collider_speed_m_s(setup));
+    positive_root(norm(&setup.gravity), speed, setup.cfl * setup.dx)
+}
+
+/// The positive root t of a t² + b t = c, in the form that has no cancellation.
+pub(super) fn positive_root(a: f64, b: f64, c: f64) -> f64 {
+    2.0 * c / (b + (b * b + 4.0 * a * c).sqrt())
 }
 
 /// What the particles ask for at time 0.

@@ -4,8 +4,9 @@ use rayon::prelude::*;
 
 use super::chunk::{Chunk, LANES};
 use super::grid_update::Grid;
-use super::solver::{Block, Solver};
+use super::simulation::{Block, Simulation};
 use super::tile::BLOCK;
+use crate::keys;
 use gridfall_core::maths::real::Real;
 
 /// Where a particle goes, and where it is.
@@ -21,15 +22,15 @@ pub struct Place {
 
 /// Bits of a packed block coordinate.
 const BITS: u32 = 21;
-const BIAS: i32 = 1 << (BITS - 1);
 
 /// Block coordinates as one number of the same order.
 pub fn pack<const D: usize>(block: [i32; D]) -> u64 {
-    block.iter().fold(0, |key, &b| key << BITS | (b + BIAS) as u64)
+    keys::pack::<BITS, D>(block)
 }
 
+/// The block coordinates that [`pack`] made a number of.
 pub fn unpack<const D: usize>(key: u64) -> [i32; D] {
-    std::array::from_fn(|a| ((key >> (BITS * (D - 1 - a) as u32)) & ((1 << BITS) - 1)) as i32 - BIAS)
+    keys::unpack::<BITS, D>(key)
 }
 
 /// The block that a position (dx, relative to `block`) belongs to, and the position relative to that; `cell` as in
@@ -92,7 +93,7 @@ impl<T: Real, const D: usize> Old<T, D> {
     }
 }
 
-impl<T: Real, const D: usize> Solver<T, D> {
+impl<T: Real, const D: usize> Simulation<T, D> {
     /// Sorts particles into blocks by their positions and prepares the nodes of these blocks.
     pub fn bin(&mut self) {
         let (cell, period) = (self.constants.layout.cell, self.constants.period);
@@ -192,14 +193,6 @@ impl<T: Real, const D: usize> Solver<T, D> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn block_coordinates_pack_and_keep_their_order() {
-        let blocks = [[-3, 5, -1], [-3, 5, 0], [-2, -7, 9], [0, 0, 0], [4, -1, 2]];
-        assert!(blocks.windows(2).all(|w| pack(w[0]) < pack(w[1])));
-        assert!(blocks.iter().all(|&b| unpack::<3>(pack(b)) == b));
-        assert_eq!(unpack::<2>(pack([-1, 7])), [-1, 7]);
-    }
 
     #[test]
     fn homes_fold_periodic_axes_of_any_number_of_cells() {

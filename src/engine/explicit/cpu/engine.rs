@@ -19,7 +19,8 @@ pub struct CpuEngine {
 }
 
 impl CpuEngine {
-    /// Loads the problem at time 0. Errors: [`EngineError::Capacity`] beyond 2³² particles or 2²² cells along an axis.
+    /// Loads the problem at time 0. Errors: [`EngineError::Capacity`] beyond 2³² particles or 2²²
+    /// cells along an axis.
     pub fn new(setup: &Setup, particles: Particles) -> Result<Self, EngineError> {
         let total = setup.total_particles();
         if u32::try_from(total).is_err() {
@@ -44,7 +45,7 @@ impl CpuEngine {
         self
     }
 
-    /// The step just done must be one that can be gone on from.
+    /// Fails if the run cannot go on from the step just done.
     fn check(&self, moved: &Moved) -> Result<(), EngineError> {
         let (step, time_s) = (self.step, self.time_s);
         if moved.diverged {

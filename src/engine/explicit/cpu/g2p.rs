@@ -5,7 +5,7 @@
 //! In: node velocities of a tile. Out: particles of its block. One thread a block.
 
 use super::chunk::{Chunk, LANES, MatrixLanes, State, Stencils, matrix, set_matrix};
-use super::solver::Constants;
+use super::simulation::Constants;
 use super::tile::{BLOCK, Node, SLACK, Walk, add_scaled, index, scale};
 use gridfall_core::maths::linalg::{add_scaled as add_scaled_matrix, mul, trace};
 use gridfall_core::maths::real::Real;

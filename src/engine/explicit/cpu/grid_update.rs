@@ -1,11 +1,13 @@
-//! Grid update: sum the tiles, v_i = p_i / m_i + dt g, then walls axis by axis, then colliders in scene order.
+//! Grid update: sum the tiles, v_i = p_i / m_i + dt g, then walls axis by axis, then colliders in
+//! scene order.
 //!
-//! In: tiles (forces are already in their momenta). Out: node velocities, and what surfaces took. One thread a grid block; a
-//! node's sum runs over the tiles in the order of their blocks, a surface's sum over its blocks in their order.
+//! In: tiles (forces are already in their momenta). Out: node velocities, and what surfaces took.
+//! One thread per grid block; a node's sum runs over the tiles in the order of their blocks, a
+//! surface's sum over its blocks in their order.
 
 use rayon::prelude::*;
 
-use super::solver::Block;
+use super::simulation::Block;
 use super::tables::Tables;
 use super::tile::{BLOCK, Layout, MASS, Node};
 use gridfall_core::maths::real::Real;
@@ -18,7 +20,7 @@ use gridfall_core::sim::setup::{Axis, Contact, Setup};
 #[derive(Clone, Debug, Default)]
 pub struct Grid<T, const D: usize> {
     tables: Tables<D>,
-    /// The mass in its place.
+    /// With the mass as last component.
     velocities: Vec<Node<T>>,
 }
 
@@ -64,7 +66,8 @@ impl<T: Real, const D: usize> Grid<T, D> {
         total
     }
 
-    /// Updates the velocities; the impulses that surfaces take. `shift`: where node 0 of each grid lies (dx).
+    /// Updates the velocities; the impulses that surfaces take. `shift`: where node 0 of each grid
+    /// lies (dx).
     pub fn update(
         &mut self,
         setup: &Setup,
@@ -87,7 +90,8 @@ impl<T: Real, const D: usize> Grid<T, D> {
                 for (local, velocity) in block.iter_mut().enumerate() {
                     let node = self.sum(index * nodes + local, tiles);
                     *velocity = [T::ZERO; 4];
-                    // Momentum over a mass that is not a normal number would be noise; w v of such a node is nothing.
+                    // Momentum over a mass that is not a normal number would be noise; such a node
+                    // adds nothing to its particles.
                     if node[MASS] < T::TINY {
                         continue;
                     }
@@ -105,7 +109,7 @@ impl<T: Real, const D: usize> Grid<T, D> {
         self.velocities = velocities;
         let mut impulses = vec![Reaction::default(); reaction::surfaces(setup)];
         taken.iter().for_each(|taken| reaction::add_all(&mut impulses, &taken.sums));
-        // Each grid carries all mass.
+        // Each grid carries the full mass.
         impulses.iter().map(|sum| sum.times(1.0 / self.tables.grids as f64)).collect()
     }
 
@@ -130,7 +134,7 @@ impl<T: Real, const D: usize> Grid<T, D> {
     }
 }
 
-/// A node at hand.
+/// A node that is being updated.
 struct At<T, const D: usize> {
     node: [i32; D],
     shift: f64,
@@ -188,8 +192,8 @@ struct Surface<'a> {
     collider: Placed<'a>,
 }
 
-/// Colliders that may reach a node of the block. Distances change by at most the way gone (and a slack of sampled shapes), so the
-/// block's middle tells.
+/// Colliders that may reach a node of the block. A distance changes by at most the distance moved
+/// (and a slack of sampled shapes), so that the one at the block's middle decides.
 fn near<'a, const D: usize>(setup: &Setup, present: &'a [Surface<'a>], corner: &[i32; D]) -> Vec<&'a Surface<'a>> {
     let middle = position(setup, corner.map(|c| BLOCK * c + BLOCK / 2), 0.0);
     // Nodes lie within 2¼ cells of the middle on every axis.

@@ -1,10 +1,10 @@
-//! The part of the solver that depends on the kernel, behind one interface: everything else is compiled once a scalar
-//! and dimension.
+//! The part of the simulation that depends on the kernel, behind one interface: everything else is
+//! compiled once per scalar and dimension.
 
 use std::marker::PhantomData;
 
 use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, Stencils, matrix, set_matrix};
-use super::solver::Constants;
+use super::simulation::Constants;
 use super::tile::{Layout, Node};
 use super::{g2p, isolated, p2g};
 use gridfall_core::maths::real::Real;

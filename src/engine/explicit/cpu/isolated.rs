@@ -7,7 +7,7 @@
 
 use super::chunk::{Chunk, LANES, Lanes, State, Stencils, matrix, set_matrix};
 use super::g2p::gather_lane;
-use super::solver::Constants;
+use super::simulation::Constants;
 use super::tile::{MASS, Node};
 use gridfall_core::maths::linalg::{Matrix, apply, cofactor, det, scaled_identity, trace};
 use gridfall_core::maths::real::Real;

@@ -12,7 +12,7 @@ mod interpolation;
 mod isolated;
 mod narrow;
 mod p2g;
-mod solver;
+mod simulation;
 mod stages;
 mod tables;
 mod tile;

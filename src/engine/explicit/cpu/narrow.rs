@@ -1,8 +1,7 @@
-//! Particle states on their way from f64 in scene coordinates to the chunks: in the solver's scalar, relative to their blocks.
-
+//! Particle states on their way from f64 in scene coordinates to the chunks: in the simulation's scalar, relative to their blocks.
 
 use super::chunk::{Chunk, State, set_matrix};
-use super::solver::Constants;
+use super::simulation::Constants;
 use gridfall_core::maths::linalg::{Matrix, det, from_row_major, scaled_identity};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::particles::Particles;

@@ -4,7 +4,7 @@
 //! In: particles of a block. Out: its tile. One thread a block.
 
 use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, State, Stencils, matrix, set_matrix};
-use super::solver::Constants;
+use super::simulation::Constants;
 use super::tile::{MASS, Node, Walk, add_scaled, index, scale};
 use gridfall_core::material::Law;
 use gridfall_core::maths::linalg::{Matrix, scaled_identity};

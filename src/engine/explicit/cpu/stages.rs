@@ -1,10 +1,10 @@
-//! A solver without its type parameters, and the choice of one for a problem.
+//! A simulation without its type parameters, and the choice of one for a problem.
 
 use std::ops::Range;
 
 use super::g2p::Moves;
 use super::grid_update::NodeState;
-use super::solver::Solver;
+use super::simulation::Simulation;
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::Reaction;
@@ -22,7 +22,7 @@ pub struct Moved {
     pub outside: bool,
     /// A particle left the nodes of its block: bin before the next p2g.
     pub strayed: bool,
-    /// An entry of dt ∇v was above what a step should change F by.
+    /// An entry of dt ∇v was larger than a step should change F by.
     pub growing: bool,
     /// Largest demand of the materials after the step (1/s²); 0 unless P2G followed.
     pub demand_1_s2: f64,
@@ -30,8 +30,8 @@ pub struct Moved {
     pub isolated: u64,
 }
 
-/// The stages of a step, one at a time. A frame is `start_frame`, `p2g`, then per step `grid_update` and `g2p2g`, in the
-/// last one `g2p`.
+/// The stages of a step, one at a time. A frame is `start_frame`, `p2g`, then per step
+/// `grid_update` and `g2p2g`, in the last one `g2p`.
 pub trait Stages: Send {
     /// Replaces all particle states; in sampling order.
     fn load(&mut self, particles: Particles);
@@ -41,8 +41,9 @@ pub trait Stages: Send {
     fn bin(&mut self);
     /// Mass, momentum and the impulse of a step's forces to the grid.
     fn p2g(&mut self, dt_s: f64);
-    /// Node velocities at the end of a step from `time_s`; surfaces are where they are at its start. Returns the impulses that they
-    /// take, in the order of [`gridfall_core::sim::reaction`].
+    /// Node velocities at the end of a step from `time_s`; surfaces stand where they are at its
+    /// start. Returns the impulses that they take, in the order of
+    /// [`gridfall_core::sim::reaction`].
     fn grid_update(&mut self, dt_s: f64, time_s: f64) -> Vec<Reaction>;
     /// Moves particles; as the last step of a frame, resets those that are alone on their nodes.
     fn g2p(&mut self, dt_s: f64) -> Moved;
@@ -62,39 +63,39 @@ pub trait Stages: Send {
     fn extremes(&self) -> Extremes;
 }
 
-impl<T: Real, const D: usize> Stages for Solver<T, D> {
+impl<T: Real, const D: usize> Stages for Simulation<T, D> {
     fn load(&mut self, particles: Particles) {
-        Solver::load(self, particles);
+        Simulation::load(self, particles);
     }
     fn start_frame(&mut self) {
-        Solver::start_frame(self);
+        Simulation::start_frame(self);
     }
     fn bin(&mut self) {
-        Solver::bin(self);
+        Simulation::bin(self);
     }
     fn p2g(&mut self, dt_s: f64) {
-        Solver::p2g(self, dt_s);
+        Simulation::p2g(self, dt_s);
     }
     fn grid_update(&mut self, dt_s: f64, time_s: f64) -> Vec<Reaction> {
-        Solver::grid_update(self, dt_s, time_s)
+        Simulation::grid_update(self, dt_s, time_s)
     }
     fn g2p(&mut self, dt_s: f64) -> Moved {
-        Solver::g2p(self, dt_s).into()
+        Simulation::g2p(self, dt_s).into()
     }
     fn g2p2g(&mut self, dt_s: f64) -> Moved {
-        Solver::g2p2g(self, dt_s).into()
+        Simulation::g2p2g(self, dt_s).into()
     }
     fn count(&self) -> usize {
-        Solver::count(self)
+        Simulation::count(self)
     }
     fn read(&self, ids: Range<usize>) -> Particles {
-        Solver::particles(self, ids)
+        Simulation::particles(self, ids)
     }
     fn nodes(&self) -> Vec<NodeState> {
         self.grid.nodes(&self.tiles)
     }
     fn extremes(&self) -> Extremes {
-        Solver::extremes(self)
+        Simulation::extremes(self)
     }
 }
 
@@ -112,12 +113,12 @@ impl<T: Real> From<Moves<T>> for Moved {
     }
 }
 
-/// The solver for a problem's dimension and precision, loaded with its particles.
+/// The simulation for a problem's dimension and precision, loaded with its particles.
 pub fn stages(setup: &Setup, particles: Particles) -> Box<dyn Stages> {
     match (setup.dimension, setup.precision) {
-        (2, Precision::F32) => Box::new(Solver::<f32, 2>::new(setup, particles)),
-        (2, Precision::F64) => Box::new(Solver::<f64, 2>::new(setup, particles)),
-        (_, Precision::F32) => Box::new(Solver::<f32, 3>::new(setup, particles)),
-        (_, Precision::F64) => Box::new(Solver::<f64, 3>::new(setup, particles)),
+        (2, Precision::F32) => Box::new(Simulation::<f32, 2>::new(setup, particles)),
+        (2, Precision::F64) => Box::new(Simulation::<f64, 2>::new(setup, particles)),
+        (_, Precision::F32) => Box::new(Simulation::<f32, 3>::new(setup, particles)),
+        (_, Precision::F64) => Box::new(Simulation::<f64, 3>::new(setup, particles)),
     }
 }

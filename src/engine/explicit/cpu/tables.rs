@@ -1,12 +1,12 @@
-//! Which grid nodes the entries of tiles are, and which entries of tiles make up a node.
+//! Which grid node an entry of a tile belongs to, and which entries add up to a node.
 
 use rayon::prelude::*;
 
 use super::bin::{pack, unpack};
 use super::tile::{BLOCK, Layout};
 
-/// Grid blocks of 4^D nodes on each grid, and their relation to the tiles of particle blocks. Periodic images are folded,
-/// whatever the number of cells.
+/// Grid blocks of 4^D nodes on each grid, and their relation to the tiles of particle blocks.
+/// Periodic images are folded, whatever the number of cells.
 #[derive(Clone, Debug, Default)]
 pub struct Tables<const D: usize> {
     /// Coordinates of the grid blocks: lowest node / 4.
@@ -16,7 +16,8 @@ pub struct Tables<const D: usize> {
     tile: usize,
     /// Node of every entry of every tile.
     slots: Vec<u32>,
-    /// The entries that make up node i are `entries[first[i]..first[i + 1]]`, in the order of their tiles.
+    /// The entries that add up to node i are `entries[first[i]..first[i + 1]]`, in the order of
+    /// their tiles.
     first: Vec<u32>,
     entries: Vec<u32>,
 }
@@ -73,7 +74,7 @@ impl<const D: usize> Tables<D> {
         &self.slots[tile * self.tile..(tile + 1) * self.tile]
     }
 
-    /// Entries of all tiles that make up a node.
+    /// Entries of all tiles that add up to a node.
     #[inline]
     pub fn entries(&self, node: usize) -> &[u32] {
         &self.entries[self.first[node] as usize..self.first[node + 1] as usize]

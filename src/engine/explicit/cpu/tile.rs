@@ -1,15 +1,16 @@
 //! A block's private copy of the nodes that its particles may touch.
 //!
-//! A block is home to the particles of 4 cells an axis. They are binned anew when one has strayed more than a cell from
-//! home, so a tile has the nodes of 6 cells an axis. P2G adds into tiles that belong to one block each, and the grid sums
-//! the tiles in a fixed order: no two threads write the same number, and no result depends on their count.
+//! A block is home to the particles of 4 cells along each axis. They are binned again when one has
+//! strayed more than a cell from home, so a tile has the nodes of 6 cells along each axis. P2G adds
+//! into tiles that belong to one block each, and the grid sums the tiles in a fixed order: no two
+//! threads write the same number, and no result depends on how many there are.
 
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::kernel::Kernel;
 
 /// Cells of a block along an axis.
 pub const BLOCK: i32 = 4;
-/// Cells that a particle may stray from its block before particles are binned anew.
+/// Cells that a particle may stray from its block before particles are binned again.
 pub const SLACK: i32 = 1;
 
 /// A node: momentum (kg·m/s) or velocity (m/s) in the first components, mass (kg) in the last.
@@ -19,12 +20,13 @@ pub const MASS: usize = 3;
 
 /// Nodes of a tile along an axis.
 pub const fn width(grids: usize, nodes: usize) -> usize {
-    // The two grids of the compact kernel are shifted against cells, which costs a node.
+    // The two grids of the compact kernel are shifted against cells, which takes one node more.
     let shifted = if grids == 2 { 1 } else { 0 };
     (BLOCK + 2 * SLACK) as usize - 1 + nodes + shifted
 }
 
-/// What a kernel asks of blocks, grid and tiles, as numbers: all but the transfers themselves is compiled once for all.
+/// The numbers by which kernels differ in blocks, grid and tiles: everything but the transfers
+/// themselves is compiled once for all kernels.
 #[derive(Clone, Copy, Debug)]
 pub struct Layout {
     /// 1, or 2 for the dual pair.
@@ -69,7 +71,8 @@ pub fn index<const D: usize, const G: usize, const W: usize>(g: usize, base: [i3
     at
 }
 
-/// The W^D nodes of one particle on one grid of a tile: all axes but the last walk by strides, the last is contiguous.
+/// The W^D nodes of one particle on one grid of a tile: all axes but the last are walked by
+/// strides, the last is contiguous.
 pub struct Walk {
     /// Steps along the first axis of three; 1 in two dimensions.
     pub outer: usize,

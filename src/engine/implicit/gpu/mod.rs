@@ -1,5 +1,5 @@
-//! The implicit step on the device (HOT), 3D, f32; twin of `crate::implicit`. Sums over particles are gathered, never scattered, in an
-//! order that does not depend on scheduling.
+//! The implicit step on the device (HOT), 3D, f32; twin of `crate::implicit`. Sums over particles
+//! are gathered, never scattered, in an order that does not depend on scheduling.
 
 mod buffers;
 mod engine;
@@ -12,7 +12,7 @@ mod readback;
 pub mod shaders;
 mod step;
 
-pub use engine::{GpuImplicitEngine, supports};
+pub use engine::supports;
 pub(crate) use pipelines::Pipelines;
 pub use readback::{NodeReading, SystemReading};
-pub use step::{Moved, Stepper};
+pub use step::DeviceStep;

@@ -1,11 +1,11 @@
 //! Particle states to the device and back.
 
-use super::step::Stepper;
+use super::step::DeviceStep;
 use crate::contract::EngineError;
 use crate::explicit::gpu::readback::read;
 use gridfall_core::sim::particles::Particles;
 
-impl Stepper {
+impl DeviceStep {
     /// Particles that there are.
     pub fn live(&self) -> usize {
         self.frame.body_of.len()
@@ -54,19 +54,8 @@ impl Stepper {
         Ok(self.frame.particles(&position, velocity, deformation, n))
     }
 
-    /// Index of a particle's body.
-    pub fn body(&self, id: usize) -> usize {
-        self.frame.body_of[id] as usize
-    }
-
-    pub fn body_name(&self, id: usize) -> &str {
-        &self.setup.bodies[self.body(id)].name
-    }
-
-    /// F (row-major) and speed (m/s) of a particle at the step's start.
-    pub fn before(&self, id: usize) -> Result<([f64; 9], f64), EngineError> {
-        let particles = self.particles_of("position", "tag", "state")?;
-        let v = particles.v[id];
-        Ok((particles.f[id], v.iter().map(|v| v * v).sum::<f64>().sqrt()))
+    /// Particle states at the start of the step that has begun.
+    pub fn before(&self) -> Result<Particles, EngineError> {
+        self.particles_of("position", "tag", "state")
     }
 }

@@ -1,7 +1,7 @@
 //! Grid, system and objective as the device has them, for comparison with the CPU.
 
 use super::interface::{Evaluate, slots};
-use super::step::Stepper;
+use super::step::DeviceStep;
 use crate::contract::EngineError;
 use crate::explicit::gpu::readback::read;
 use crate::implicit::solver::objective::{Freedom, NodeId};
@@ -35,7 +35,7 @@ pub struct SystemReading {
     pub blocks: Vec<Vec<[[f64; 3]; 3]>>,
 }
 
-impl Stepper {
+impl DeviceStep {
     /// The nodes that particles touch. `ended`: after the step's end.
     pub fn nodes(&self, ended: bool) -> Result<Vec<NodeReading>, EngineError> {
         let grids = self.buffers.sizes.grids();

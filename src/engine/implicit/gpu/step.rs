@@ -11,6 +11,7 @@ use crate::contract::EngineError;
 use crate::explicit::gpu::readback::read;
 use crate::explicit::gpu::upload::{self, Frame};
 use crate::gpu::device::{Gpu, Variant};
+use crate::implicit::engine::Moved;
 use gridfall_core::material::Law;
 use gridfall_core::sim::collider::Collider;
 use gridfall_core::sim::particles::Particles;
@@ -26,7 +27,7 @@ const LIGHTEST: f64 = 1e-12;
 const FORBIDDEN: f64 = 1e38;
 
 /// Particles and grid of a simulation on the device.
-pub struct Stepper {
+pub struct DeviceStep {
     pub(super) gpu: Arc<Gpu>,
     pipelines: Arc<Pipelines>,
     pub(super) buffers: Buffers,
@@ -39,22 +40,7 @@ pub struct Stepper {
     separating: bool,
 }
 
-/// What the particles did in a step.
-#[derive(Clone, Debug)]
-pub struct Moved {
-    /// Farthest way of a particle (dx).
-    pub farthest_dx: f64,
-    /// Fastest particle (m/s).
-    pub max_speed_m_s: f64,
-    /// A particle, by id, that is no longer finite.
-    pub lost: Option<usize>,
-    /// A particle, by id, that left the domain.
-    pub outside: Option<usize>,
-    /// Impulses that surfaces took.
-    pub impulses: Vec<Reaction>,
-}
-
-impl Stepper {
+impl DeviceStep {
     /// Loads a problem. Errors: capacity, a particle outside the domain, a lost device.
     pub fn new(gpu: Arc<Gpu>, setup: &Setup, particles: &Particles) -> Result<Self, EngineError> {
         let frame = Frame::new(setup);
@@ -322,7 +308,7 @@ impl Stepper {
     }
 }
 
-impl Evaluate for Stepper {
+impl Evaluate for DeviceStep {
     fn record(&self, pass: &mut wgpu::ComputePass) {
         self.dispatch(pass, Stage::Strain, self.blocks);
         self.dispatch(pass, Stage::Gradient, self.blocks * self.buffers.sizes.grids());

@@ -1,7 +1,8 @@
 //! The Hessian as a matrix, gathered row by row: H_ij = m_i δ_ij I + Σ_p g_i · K_p · g_j.
 //!
-//! A row visits the groups that touch its node, and each particle there once. With K contracted with the row's g first, a pair of nodes costs D³
-//! operations. HOT scatters, names that its bottleneck, and gathering as future work (§8).
+//! A row visits the groups that touch its node, and each particle there once. Because K is
+//! contracted with the row's g first, a pair of nodes costs D³ operations. HOT scatters, calls that
+//! its bottleneck, and gathering future work (§8).
 
 use rayon::prelude::*;
 
@@ -12,10 +13,11 @@ use gridfall_core::material::Tensor4;
 use gridfall_core::maths::linalg::{Matrix, Vector, add_scaled, mul, trace};
 use gridfall_core::maths::widest::widest;
 
-/// Most nodes of a particle: the cubic kernel's 4³.
+/// Largest number of nodes of a particle: the cubic kernel's 4³.
 const MAX_NODES: usize = 64;
 
-/// The matrix of the nodes that have a freedom, which are the first; `tensors` are dt² V0 share K of the particles (kg m²), masses in kg.
+/// The matrix of the nodes that have a freedom, which are the first; `tensors` are dt² V0 share K
+/// of the particles (kg m²), masses in kg.
 pub fn assemble<const D: usize>(
     topology: &Topology<D>,
     tensors: &[Tensor4<f64, D>],
@@ -24,7 +26,8 @@ pub fn assemble<const D: usize>(
 ) -> Bsr<f64, D> {
     let n = freedoms.len();
     let projections: Vec<Option<Matrix<f64, D>>> = freedoms.iter().map(Freedom::projection).collect();
-    // Threads take runs of rows; `place` says where in the current row a column is, if `owner` says that it is.
+    // Threads take runs of rows; `place` is where in the current row a column is, if `owner` says
+    // that the row has it.
     let rows: Vec<(Vec<u32>, Vec<Matrix<f64, D>>)> = (0..n)
         .into_par_iter()
         .with_min_len(64)
@@ -80,7 +83,12 @@ pub fn assemble<const D: usize>(
 
 widest! {
     /// Adds g_i · K · g_j to the sums of all nodes j of a particle.
-    fn couple[const D: usize][D](k: &Tensor4<f64, D>, g_i: &Vector<f64, D>, g: &[Vector<f64, D>], sums: &mut [Matrix<f64, D>]) {
+    fn couple[const D: usize][D](
+        k: &Tensor4<f64, D>,
+        g_i: &Vector<f64, D>,
+        g: &[Vector<f64, D>],
+        sums: &mut [Matrix<f64, D>],
+    ) {
         // k_i[d][a][c] = Σ_b g_b K_abcd
         let mut k_i = [[[0.0; D]; D]; D];
         for a in 0..D {

@@ -1,8 +1,9 @@
 //! What surfaces do to the nodes of an implicit step, decided at its start.
 //!
-//! Sticky surfaces prescribe a node's velocity. Slip surfaces, and separating ones that the node would run into, prescribe its normal component:
-//! the node may slide. A surface's velocity at a node is the way that it goes in
-//! the step over dt, so that what sticks to a turning grip turns rigidly, however long the step.
+//! Sticky surfaces prescribe a node's velocity. Slip surfaces, and separating ones that the node
+//! would run into, prescribe its normal component: the node may slide. A surface's velocity at a
+//! node is its displacement there during the step, divided by dt, so that what sticks to a turning
+//! grip turns rigidly, however long the step.
 
 use rayon::prelude::*;
 
@@ -16,12 +17,13 @@ use gridfall_core::sim::contact::wall_side;
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::{Axis, Contact, ContactKind, Setup};
 
-/// Nodes lighter than this share of the heaviest move freely, without forces: they would only spoil the condition of the system.
+/// Nodes lighter than this fraction of the heaviest move freely, without forces: they would only
+/// make the system ill-conditioned.
 const LIGHTEST: f64 = 1e-12;
-/// Two normals that are nearer to each other than this (sine of the angle) are one.
+/// Two normals at a smaller angle than this (its sine) count as one.
 const PARALLEL: f64 = 1e-6;
 
-/// Pull of separating surfaces, as a part of their push, that a step may keep.
+/// Pull of separating surfaces, as a fraction of their push, that a step may keep.
 const PULL: f64 = 0.05;
 
 /// A surface at a node.
@@ -30,7 +32,7 @@ struct Touch<const D: usize> {
     /// Its place in [`gridfall_core::sim::reaction`]'s order.
     surface: usize,
     contact: Contact,
-    /// Out of the surface; what is left of it beside those of the touches before.
+    /// Out of the surface; orthogonal to those of the earlier touches.
     normal: Vector<f64, D>,
     /// Of the surface (m/s).
     velocity: Vector<f64, D>,
@@ -43,7 +45,8 @@ struct Touch<const D: usize> {
 struct Rule<const D: usize> {
     /// None: the velocity is prescribed.
     freedom: Option<Freedom<D>>,
-    /// Velocity (m/s) at the step's end that the solver starts from; what is prescribed of it stays.
+    /// Velocity (m/s) at the step's end that the solver starts from; what is prescribed of it
+    /// stays.
     velocity: Vector<f64, D>,
     touches: Vec<Touch<D>>,
 }
@@ -57,14 +60,15 @@ pub struct Boundary<const D: usize> {
     touched: Vec<(u32, Vec<Touch<D>>)>,
 }
 
-/// A collider that is there, in its order among all surfaces.
+/// A collider that is present, with its place among all surfaces.
 struct Present<'a> {
     surface: usize,
     collider: &'a Collider,
 }
 
 impl<const D: usize> Boundary<D> {
-    /// Decides for a step of `dt` (s) from `time_s`, and renumbers the nodes so that those of the system come first.
+    /// Decides for a step of `dt` (s) from `time_s`, and renumbers the nodes so that those of the
+    /// system come first.
     pub fn new(setup: &Setup, topology: &mut Topology<D>, nodes: &mut Vec<Node<D>>, time_s: f64, dt: f64) -> Self {
         let heaviest = nodes.iter().map(|node| node.mass).fold(0.0, f64::max);
         let colliders = setup.colliders.iter().zip(reaction::WALLS..).filter(|(c, _)| c.is_present(time_s));
@@ -93,7 +97,8 @@ impl<const D: usize> Boundary<D> {
         }
     }
 
-    /// What friction does to nodes that a solve presses on surfaces with these `impulses` (N s), see [`Self::reactions`].
+    /// What friction does to nodes that a solve presses on surfaces with these `impulses` (N s),
+    /// see [`Self::reactions`].
     pub fn drags(&self, impulses: &[Vector<f64, D>]) -> Vec<Drag<D>> {
         let rubbing =
             self.touched.iter().flat_map(|(node, touches)| touches.iter().map(|touch| (*node as usize, touch)));
@@ -107,8 +112,9 @@ impl<const D: usize> Boundary<D> {
             .collect()
     }
 
-    /// Lets go of nodes that a separating surface pulls back instead of pushing, if that is not just noise beside what is pushed: all surfaces
-    /// together pull more than `PULL` of their push. Returns whether any was let go.
+    /// Releases nodes that a separating surface pulls back instead of pushing, if that is more than
+    /// noise: if all surfaces together pull more than `PULL` of their push. Returns whether any
+    /// node was released.
     pub fn release(&mut self, impulses: &[Vector<f64, D>]) -> bool {
         let (mut pull, mut push) = (0.0, 0.0);
         let mut pulled = Vec::new();
@@ -132,8 +138,8 @@ impl<const D: usize> Boundary<D> {
         !pulled.is_empty()
     }
 
-    /// The impulses (N s) that surfaces take in a solved step. `impulses` are what they gave each node: ∇E before projection and without
-    /// friction, whose part then lies along the surface.
+    /// The impulses (N s) that surfaces take in a solved step. `impulses` are what they gave each
+    /// node: ∇E before projection and without friction, whose part then lies along the surface.
     pub fn reactions(&self, setup: &Setup, share: f64, impulses: &[Vector<f64, D>]) -> Vec<Reaction> {
         let mut sums = vec![Reaction::default(); reaction::surfaces(setup)];
         for (node, touches) in &self.touched {
@@ -159,7 +165,8 @@ impl<const D: usize> Boundary<D> {
     }
 }
 
-/// The walls that a node belongs to, 0 the lower and 1 the upper; `dx` (m) may be that of a coarsened grid.
+/// The walls that a node belongs to, 0 the lower and 1 the upper; `dx` (m) may be that of a
+/// coarsened grid.
 fn on_walls<const D: usize>(setup: &Setup, node: &NodeId<D>, dx: f64) -> [Option<usize>; D] {
     let coarsening = (dx / setup.dx).round() as i32;
     std::array::from_fn(|a| wall_side(node.index[a] * coarsening, setup.cells[a] as i32))
@@ -209,13 +216,13 @@ fn touches<const D: usize>(
     found
 }
 
-/// What the surfaces leave of a node's freedom.
+/// The freedom that surfaces leave a node.
 fn decide<const D: usize>(falling: Vector<f64, D>, touches: Vec<Touch<D>>) -> Rule<D> {
-    // As in the explicit step, the last sticky surface has the last word.
+    // As in the explicit step, the last sticky surface wins.
     if let Some(sticky) = touches.iter().rev().find(|touch| touch.contact.kind == ContactKind::Sticky) {
         return Rule { freedom: None, velocity: sticky.velocity, touches: vec![*sticky] };
     }
-    // Orthonormal directions that are taken, one after the other.
+    // Orthonormal directions are fixed one after the other.
     let mut velocity = falling;
     let mut kept: Vec<Touch<D>> = Vec::new();
     for touch in touches {
@@ -229,7 +236,8 @@ fn decide<const D: usize>(falling: Vector<f64, D>, touches: Vec<Touch<D>>) -> Ru
             continue;
         }
         let normal = normal.map(|n| n / length);
-        // v·n of the surface must hold for the original normal; what it asks along the new direction follows from what is fixed already.
+        // The surface prescribes v·n along its original normal; the component along the new
+        // direction follows from those that are fixed already.
         let missing: f64 = (0..D).map(|a| (touch.velocity[a] - velocity[a]) * touch.normal[a]).sum::<f64>() / length;
         (0..D).for_each(|a| velocity[a] += missing * normal[a]);
         kept.push(Touch { normal, ..touch });
@@ -272,7 +280,7 @@ mod tests {
         // The same surface twice is one.
         let rule = decide([1.0, 2.0, 3.0], vec![floor, floor]);
         assert_eq!(rule.freedom, Some(Freedom::Plane([1.0, 0.0, 0.0])));
-        // A third direction leaves nothing, and a sticky surface neither.
+        // A third direction leaves nothing, and neither does a sticky surface.
         let wall = touch(ContactKind::Slip, [0.0, 0.0, 1.0], [0.0; 3]);
         assert!(decide([1.0, 2.0, 3.0], vec![floor, slanted, wall]).freedom.is_none());
         let grip = touch(ContactKind::Sticky, [0.0, 1.0, 0.0], [5.0, 6.0, 7.0]);

@@ -1,9 +1,10 @@
-//! One step's particles, nodes and surfaces: all that its minimisation problem is made of.
+//! One step's particles, nodes and surfaces: all that its minimisation problem needs.
 
 use super::boundary::Boundary;
 use super::state::{BodySetup, State, vector};
 use super::topology::Topology;
 use super::transfer::{Node, particles_to_grid};
+use crate::implicit::solver::objective::NodeVectors;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Setup;
 
@@ -21,7 +22,7 @@ pub struct Discretisation<const D: usize> {
 }
 
 impl<const D: usize> Discretisation<D> {
-    /// Of a step of `dt` (s) from `time_s`.
+    /// For a step of `dt` (s) from `time_s`.
     pub fn new(setup: &Setup, bodies: &[BodySetup], particles: &Particles, time_s: f64, dt: f64) -> Self {
         let x: Vec<_> = particles.x.iter().map(vector::<D>).collect();
         let mut topology = Topology::new(setup, &x, setup.dx);
@@ -31,7 +32,8 @@ impl<const D: usize> Discretisation<D> {
         Self { topology, state, nodes, boundary, time_s, dt }
     }
 
-    /// The same particles on a grid of spacing `dx` (m), and where each was in the order of this one.
+    /// The same particles on a grid of spacing `dx` (m), and where each was in the order of this
+    /// one.
     pub fn coarsened(&self, setup: &Setup, bodies: &[BodySetup], dx: f64) -> (Self, Vec<u32>) {
         let mut topology = Topology::new(setup, &self.state.x, dx);
         let state = self.state.permuted(&topology.order);
@@ -39,6 +41,15 @@ impl<const D: usize> Discretisation<D> {
         let boundary = Boundary::new(setup, &mut topology, &mut nodes, self.time_s, self.dt);
         let order = topology.order.clone();
         (Self { topology, state, nodes, boundary, time_s: self.time_s, dt: self.dt }, order)
+    }
+
+    /// Velocities (m/s) of all nodes at the step's end.
+    pub fn velocities(&self, dv: &NodeVectors<D>) -> NodeVectors<D> {
+        let mut v = self.boundary.velocities.clone();
+        for (i, dv) in dv.iter().enumerate() {
+            v[i] = std::array::from_fn(|a| self.nodes[i].velocity[a] + dv[a]);
+        }
+        v
     }
 
     /// Nodes of the system.

@@ -1,13 +1,14 @@
-//! Coulomb friction as a dissipative part of the potential, with the normal impulses of a solve without it (lagged, as in Li et al. 2020, "Incremental
-//! potential contact", §5).
+//! Coulomb friction as a dissipative part of the potential, with the normal impulses of a solve
+//! without it (lagged, as in Li et al. 2020, "Incremental potential contact", §5).
 //!
-//! A node pressed with the impulse J on a surface loses µ J |u| for sliding at u, smoothed below the speed ε: f(y) = y for y ≥ ε, else
-//! −y³/3ε² + y²/ε + ε/3. Taken after the solve instead, as in an explicit step, friction would stop nodes that elasticity has just moved, and strain
-//! would grow step by step.
+//! A node pressed with the impulse J on a surface dissipates µ J |u| when it slides at u, smoothed
+//! below the speed ε: f(y) = y for y ≥ ε, else −y³/3ε² + y²/ε + ε/3. Applied after the solve
+//! instead, as in an explicit step, friction would stop nodes that elasticity has just moved, and
+//! strain would grow step by step.
 
 use gridfall_core::maths::linalg::{Matrix, Vector, dot};
 
-/// Sliding below this way a step (dx) counts as sticking.
+/// Sliding by less than this per step (dx) counts as sticking.
 pub const STICKING_DX: f64 = 1e-4;
 
 /// Friction of a node.

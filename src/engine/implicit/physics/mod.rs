@@ -1,11 +1,11 @@
-//! A step as an objective: what particles and surfaces make of the grid, its energy, gradient and Hessian.
+//! A step as a minimisation problem: its grid, surfaces, energy, gradient and Hessian.
 
-pub mod assembly;
-pub mod boundary;
+mod assembly;
+mod boundary;
 pub mod discretisation;
-pub mod friction;
+mod friction;
 pub mod potential;
 pub mod state;
-pub mod stencil;
-pub mod topology;
+mod stencil;
+mod topology;
 pub mod transfer;

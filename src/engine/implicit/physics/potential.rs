@@ -1,10 +1,12 @@
-//! The incremental potential of one step (HOT eq. 1), of its particles and nodes.
+//! The incremental potential of one step (HOT eq. 1).
 //!
-//! E(Δv) = ½ Σ m_i |Δv_i|² + n Σ V0 ψ(F(Δv)) − dt Σ m_i g·Δv_i with F(Δv) = (I + dt ∇v) Fⁿ, ∇v = (1/n) Σ v_i g_iᵀ, v = vⁿ + Δv; n = 2 for the compact
-//! kernel, whose two grids both carry the full mass and force, else 1. ∇E_i = m_i (Δv_i − dt g) + dt Σ V0 P Fⁿᵀ g_i.
+//! E(Δv) = ½ Σ m_i |Δv_i|² + n Σ V0 ψ(F(Δv)) − dt Σ m_i g·Δv_i with F(Δv) = (I + dt ∇v) Fⁿ,
+//! ∇v = (1/n) Σ v_i g_iᵀ, v = vⁿ + Δv; n = 2 for the compact kernel, whose two grids both carry the
+//! full mass and force, else 1. ∇E_i = m_i (Δv_i − dt g) + dt Σ V0 P Fⁿᵀ g_i.
 
 use rayon::prelude::*;
 
+use self::linearised::Linearised;
 use self::splitting::Split;
 use super::assembly;
 use super::discretisation::Discretisation;
@@ -12,15 +14,17 @@ use super::friction::{Drag, STICKING_DX};
 use super::state::BodySetup;
 use super::topology::period;
 use crate::contract::Control;
-use crate::implicit::solver::objective::{Field, Freedom, LinearOperator, NodeId, Objective, Splitting};
+use crate::implicit::solver::objective::{Freedom, LinearOperator, NodeId, NodeVectors, Objective, Splitting};
 use crate::implicit::solver::sparse::Bsr;
 use gridfall_core::material::Tensor4;
 use gridfall_core::maths::linalg::{Matrix, Vector, add_scaled, apply, identity, mul, mul_transpose};
 use gridfall_core::sim::setup::Setup;
 
+mod linearised;
 mod splitting;
 
-/// Area of a node's characteristic norm over dx² (HOT §5.2); in 2D length over dx, of the square that its neighbours make.
+/// Area of a node's characteristic norm over dx² (HOT §5.2); in 2D its length over dx, of the
+/// square of its neighbours.
 const fn characteristic_area(dimension: usize) -> f64 {
     if dimension == 3 { 24.0 } else { 8.0 }
 }
@@ -34,7 +38,7 @@ pub struct Potential<'a, const D: usize> {
     masses: Vec<f64>,
     scales: Vec<f64>,
     /// With the Δv that their normal impulses come from, where the solve goes on.
-    friction: Option<(Vec<Drag<D>>, Field<D>)>,
+    friction: Option<(Vec<Drag<D>>, NodeVectors<D>)>,
 }
 
 impl<'a, const D: usize> Potential<'a, D> {
@@ -52,16 +56,11 @@ impl<'a, const D: usize> Potential<'a, D> {
         Self { setup, bodies, step, control, masses, scales, friction: None }
     }
 
-    /// The same with the friction that a solution without it causes; its solve goes on from there.
-    pub fn with_friction(mut self, solved: Field<D>) -> Self {
-        let (_, impulses) = self.energy_and_forces(&solved);
-        self.friction = Some((self.step.boundary.drags(&impulses), solved));
+    /// The same with the friction that the impulses (N s) of a solution without it cause, see
+    /// [`Self::energy_and_forces`]; its solve goes on from that solution.
+    pub fn with_friction(mut self, solved: NodeVectors<D>, impulses: &NodeVectors<D>) -> Self {
+        self.friction = Some((self.step.boundary.drags(impulses), solved));
         self
-    }
-
-    /// Whether any node has friction.
-    pub fn has_friction(&self) -> bool {
-        !self.drags().0.is_empty()
     }
 
     /// Friction's nodes, and the speed (m/s) below which they count as sticking.
@@ -70,29 +69,20 @@ impl<'a, const D: usize> Potential<'a, D> {
         (drags, STICKING_DX * self.setup.dx / self.step.dt)
     }
 
-    /// Loss (J) by friction.
-    fn dissipation(&self, velocities: &Field<D>) -> f64 {
+    /// Dissipation (J) by friction.
+    fn dissipation(&self, velocities: &NodeVectors<D>) -> f64 {
         let (drags, slow) = self.drags();
         sum(drags.iter().map(|drag| drag.energy(&velocities[drag.node], slow)))
     }
 
-    /// Second derivatives (kg) of the loss, by node.
-    fn resistances(&self, dv: &Field<D>) -> Vec<(usize, Matrix<f64, D>)> {
-        let (velocities, (drags, slow)) = (self.velocities(dv), self.drags());
+    /// Second derivatives (kg) of the dissipation, by node.
+    fn resistances(&self, dv: &NodeVectors<D>) -> Vec<(usize, Matrix<f64, D>)> {
+        let (velocities, (drags, slow)) = (self.step.velocities(dv), self.drags());
         drags.iter().map(|drag| (drag.node, drag.hessian(&velocities[drag.node], slow))).collect()
     }
 
     fn share(&self) -> f64 {
         self.step.topology.interpolation.shape.share
-    }
-
-    /// Node velocities (m/s) at the step's end.
-    pub fn velocities(&self, dv: &Field<D>) -> Field<D> {
-        let mut v = self.step.boundary.velocities.clone();
-        for (i, dv) in dv.iter().enumerate() {
-            v[i] = std::array::from_fn(|a| self.step.nodes[i].velocity[a] + dv[a]);
-        }
-        v
     }
 
     /// share Σ u_i g_iᵀ of a particle, for values of the nodes of its group.
@@ -116,7 +106,7 @@ impl<'a, const D: usize> Potential<'a, D> {
     }
 
     /// Calls `each` with a group's particles and its nodes' values.
-    fn with_values(&self, group: usize, values: &Field<D>, mut each: impl FnMut(usize, &[Vector<f64, D>])) {
+    fn with_values(&self, group: usize, values: &NodeVectors<D>, mut each: impl FnMut(usize, &[Vector<f64, D>])) {
         let mut local = [[0.0; D]; 64];
         let nodes = self.step.topology.nodes_of(group);
         for (at, &node) in local.iter_mut().zip(nodes) {
@@ -128,7 +118,7 @@ impl<'a, const D: usize> Potential<'a, D> {
     }
 
     /// Elastic energy (J) and, if asked for, dt V0 P Fⁿᵀ (J s) of every particle.
-    fn stresses(&self, velocities: &Field<D>, stresses: Option<&mut Vec<Matrix<f64, D>>>) -> f64 {
+    fn stresses(&self, velocities: &NodeVectors<D>, stresses: Option<&mut Vec<Matrix<f64, D>>>) -> f64 {
         let groups = self.step.topology.groups();
         let of_group = |group: usize| {
             let mut energy = 0.0;
@@ -150,7 +140,7 @@ impl<'a, const D: usize> Potential<'a, D> {
     }
 
     /// ½ Σ m_i |Δv_i|² − dt Σ m_i g·Δv_i (J).
-    fn inertia(&self, dv: &Field<D>) -> f64 {
+    fn inertia(&self, dv: &NodeVectors<D>) -> f64 {
         let (dt, gravity) = (self.step.dt, &self.setup.gravity);
         sum(dv
             .iter()
@@ -160,15 +150,15 @@ impl<'a, const D: usize> Potential<'a, D> {
 
     /// Energy (J), and ∇E (kg m/s) of all nodes before any projection and without friction: what
     /// surfaces must give those that are not free.
-    pub fn energy_and_forces(&self, dv: &Field<D>) -> (f64, Field<D>) {
-        let velocities = self.velocities(dv);
+    pub fn energy_and_forces(&self, dv: &NodeVectors<D>) -> (f64, NodeVectors<D>) {
+        let velocities = self.step.velocities(dv);
         let mut stresses = Vec::new();
         let energy = self.stresses(&velocities, Some(&mut stresses)) + self.inertia(dv);
         (energy, self.forces(&velocities, &stresses))
     }
 
     /// Inertia's ∇ (kg m/s) with that of the particles, dt V0 P Fⁿᵀ (J s), at all nodes.
-    fn forces(&self, velocities: &Field<D>, stresses: &[Matrix<f64, D>]) -> Field<D> {
+    fn forces(&self, velocities: &NodeVectors<D>, stresses: &[Matrix<f64, D>]) -> NodeVectors<D> {
         let bring = |group: usize, shares: &mut [Vector<f64, D>]| {
             for p in self.step.topology.members(group) {
                 let (_, g) = self.step.topology.stencil(p);
@@ -189,8 +179,9 @@ impl<'a, const D: usize> Potential<'a, D> {
         gradient
     }
 
-    /// Adds friction to all nodes' forces, and leaves of them what the system's nodes can follow.
-    fn complete(&self, velocities: &Field<D>, forces: &mut Field<D>) {
+    /// Adds friction to the forces on all nodes, and keeps the parts that the system's nodes can
+    /// follow.
+    fn complete(&self, velocities: &NodeVectors<D>, forces: &mut NodeVectors<D>) {
         let (drags, slow) = self.drags();
         for drag in drags {
             let force = drag.gradient(&velocities[drag.node], slow);
@@ -205,9 +196,10 @@ impl<'a, const D: usize> Potential<'a, D> {
         self.step.boundary.freedoms[node].projection().map_or(*m, |s| mul(&mul(&s, m), &s))
     }
 
-    /// dt² V0 share K of every particle (kg m²), K of [`gridfall_core::material::Projected::spatial`]; for assembly and products.
-    fn tensors(&self, dv: &Field<D>) -> Vec<Tensor4<f64, D>> {
-        let velocities = self.velocities(dv);
+    /// dt² V0 share K of every particle (kg m²), K of
+    /// [`gridfall_core::material::Projected::spatial`]; for assembly and products.
+    fn tensors(&self, dv: &NodeVectors<D>) -> Vec<Tensor4<f64, D>> {
+        let velocities = self.step.velocities(dv);
         let of_group = |group: usize| {
             let mut tensors = Vec::new();
             self.with_values(group, &velocities, |p, local| {
@@ -225,7 +217,7 @@ impl<'a, const D: usize> Potential<'a, D> {
     }
 }
 
-/// A sum whose order depends on the values' order alone, in parts so that rounding grows slowly.
+/// A sum in the order of the values, in parts, so that rounding grows slowly.
 fn sum(values: impl Iterator<Item = f64>) -> f64 {
     let (mut total, mut part, mut count) = (0.0, 0.0, 0);
     for value in values {
@@ -240,7 +232,7 @@ fn sum(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// S u of nodes that are not free.
-fn project<const D: usize>(freedoms: &[Freedom<D>], field: &mut Field<D>) {
+fn project<const D: usize>(freedoms: &[Freedom<D>], field: &mut NodeVectors<D>) {
     for (freedom, u) in freedoms.iter().zip(field) {
         if let Some(s) = freedom.projection() {
             *u = apply(&s, u);
@@ -273,13 +265,14 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
         &self.scales
     }
 
-    /// Free fall; if that is a state that a material forbids, the nodes at rest (in their sliding directions).
-    fn start(&self) -> Field<D> {
+    /// Free fall; if that is a state that a material forbids, the nodes at rest (in their sliding
+    /// directions).
+    fn start(&self) -> NodeVectors<D> {
         if let Some((_, solved)) = &self.friction {
             return solved.clone();
         }
         let n = self.step.unknowns();
-        let step = |velocities: &[Vector<f64, D>]| -> Field<D> {
+        let step = |velocities: &[Vector<f64, D>]| -> NodeVectors<D> {
             let nodes = velocities[..n].iter().zip(&self.step.nodes);
             nodes.map(|(v, node)| std::array::from_fn(|a| v[a] - node.velocity[a])).collect()
         };
@@ -287,9 +280,9 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
         if self.energy(&falling).is_finite() {
             return falling;
         }
-        let mut moving: Field<D> = self.step.boundary.velocities[..n].to_vec();
+        let mut moving: NodeVectors<D> = self.step.boundary.velocities[..n].to_vec();
         project(&self.step.boundary.freedoms, &mut moving);
-        let rest: Field<D> = self.step.boundary.velocities[..n]
+        let rest: NodeVectors<D> = self.step.boundary.velocities[..n]
             .iter()
             .zip(&moving)
             .map(|(v, moving)| std::array::from_fn(|a| v[a] - moving[a]))
@@ -297,20 +290,20 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
         step(&rest)
     }
 
-    fn energy(&self, dv: &Field<D>) -> f64 {
-        let velocities = self.velocities(dv);
+    fn energy(&self, dv: &NodeVectors<D>) -> f64 {
+        let velocities = self.step.velocities(dv);
         self.stresses(&velocities, None) + self.inertia(dv) + self.dissipation(&velocities)
     }
 
-    fn energy_and_gradient(&self, dv: &Field<D>, gradient: &mut Field<D>) -> f64 {
+    fn energy_and_gradient(&self, dv: &NodeVectors<D>, gradient: &mut NodeVectors<D>) -> f64 {
         let (energy, mut forces) = self.energy_and_forces(dv);
-        let velocities = self.velocities(dv);
+        let velocities = self.step.velocities(dv);
         self.complete(&velocities, &mut forces);
         *gradient = forces;
         energy + self.dissipation(&velocities)
     }
 
-    fn hessian(&self, dv: &Field<D>) -> Bsr<f64, D> {
+    fn hessian(&self, dv: &NodeVectors<D>) -> Bsr<f64, D> {
         let mut matrix =
             assembly::assemble(&self.step.topology, &self.tensors(dv), &self.masses, &self.step.boundary.freedoms);
         for (node, block) in self.resistances(dv) {
@@ -319,11 +312,11 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
         matrix
     }
 
-    fn linearised<'a>(&'a self, dv: &Field<D>) -> Box<dyn LinearOperator<D> + 'a> {
-        Box::new(Linearised { potential: self, tensors: self.tensors(dv), resistances: self.resistances(dv) })
+    fn linearised<'a>(&'a self, dv: &NodeVectors<D>) -> Box<dyn LinearOperator<D> + 'a> {
+        Box::new(Linearised::new(self, dv))
     }
 
-    fn coarse_hessian(&self, dv: &Field<D>, level: u32) -> (Vec<NodeId<D>>, Bsr<f64, D>) {
+    fn coarse_hessian(&self, dv: &NodeVectors<D>, level: u32) -> (Vec<NodeId<D>>, Bsr<f64, D>) {
         let dx = self.setup.dx * f64::from(1u32 << level);
         let (coarse, order) = self.step.coarsened(self.setup, self.bodies, dx);
         let tensors = self.tensors(dv);
@@ -335,70 +328,6 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
 
     fn splitting<'a>(&'a self) -> Box<dyn Splitting<D> + 'a> {
         Box::new(Split(self))
-    }
-}
-
-/// The Hessian at a state, applied particle by particle.
-struct Linearised<'a, const D: usize> {
-    potential: &'a Potential<'a, D>,
-    tensors: Vec<Tensor4<f64, D>>,
-    resistances: Vec<(usize, Matrix<f64, D>)>,
-}
-
-impl<const D: usize> LinearOperator<D> for Linearised<'_, D> {
-    /// S (m + Σ g_i · K : Σ_j S x_j g_jᵀ) x. A sliding node's fixed directions are not acted on: a solver that starts in range stays there.
-    fn apply(&self, x: &Field<D>, y: &mut Field<D>) {
-        let potential = self.potential;
-        let freedoms = &potential.step.boundary.freedoms;
-        let mut moving = x.clone();
-        project(freedoms, &mut moving);
-        let bring = |group: usize, shares: &mut [Vector<f64, D>]| {
-            potential.with_values(group, &moving, |p, local| {
-                let (_, g) = potential.step.topology.stencil(p);
-                let mut grad = [[0.0; D]; D];
-                for (u, g) in local.iter().zip(g) {
-                    for a in 0..D {
-                        (0..D).for_each(|b| grad[a][b] += u[a] * g[b]);
-                    }
-                }
-                let stress: Matrix<f64, D> = std::array::from_fn(|a| {
-                    std::array::from_fn(|b| {
-                        let k = &self.tensors[p][a][b];
-                        (0..D).map(|c| (0..D).map(|d| k[c][d] * grad[c][d]).sum::<f64>()).sum()
-                    })
-                });
-                for (share, g) in shares.iter_mut().zip(g) {
-                    let force = apply(&stress, g);
-                    (0..D).for_each(|a| share[a] += force[a]);
-                }
-            });
-        };
-        let mut sums =
-            potential.step.topology.gather([0.0; D], bring, |sum, part| (0..D).for_each(|a| sum[a] += part[a]));
-        sums.truncate(freedoms.len());
-        for (i, sum) in sums.iter_mut().enumerate() {
-            (0..D).for_each(|a| sum[a] += potential.masses[i] * moving[i][a]);
-        }
-        for (node, block) in &self.resistances {
-            let force = apply(block, &moving[*node]);
-            (0..D).for_each(|a| sums[*node][a] += force[a]);
-        }
-        project(freedoms, &mut sums);
-        *y = sums;
-    }
-
-    fn diagonal(&self) -> Vec<Matrix<f64, D>> {
-        let potential = self.potential;
-        let mut blocks = assembly::diagonal(
-            &potential.step.topology,
-            &self.tensors,
-            &potential.masses,
-            &potential.step.boundary.freedoms,
-        );
-        for (node, block) in &self.resistances {
-            blocks[*node] = add_scaled(&blocks[*node], 1.0, &potential.projected(*node, block));
-        }
-        blocks
     }
 }
 

@@ -1,4 +1,4 @@
-//! Particle states of a step, in the order of their groups.
+//! The states of a step's particles, in the order of their groups.
 
 use super::topology::Topology;
 use gridfall_core::material::Law;
@@ -72,7 +72,7 @@ impl<const D: usize> State<D> {
         }
     }
 
-    /// Writes the states back to where `topology` took them from.
+    /// Writes the states back in the particles' own order.
     pub fn store(&self, topology: &Topology<D>, particles: &mut Particles) {
         for (p, &id) in topology.order.iter().enumerate() {
             let id = id as usize;

@@ -1,21 +1,23 @@
-//! A particle's nodes, weights and the vectors g that make the velocity gradient: ∇v = share Σ_i v_i g_iᵀ.
+//! A particle's nodes, weights and the vectors g that make the velocity gradient: ∇v = share Σ_i
+//! v_i g_iᵀ.
 //!
-//! In the gradient form g = ∂w/∂x; in MLS g = w D⁻¹ (x_i − x_p). `share` is ½ for the compact kernel's two grids, which both carry the
-//! full mass, else 1. All of a step's interpolation is tabulated once, because a solver uses it dozens of times.
+//! In the gradient form g = ∂w/∂x; in MLS g = w D⁻¹ (x_i − x_p). `share` is ½ for the compact
+//! kernel's two grids, which both carry the full mass, else 1. All of a step's interpolation is
+//! tabulated once, because a solver uses it dozens of times.
 
 use gridfall_core::maths::linalg::{Matrix, Vector, apply, identity};
 use gridfall_core::sim::kernel::{Compact, Cubic, Kernel as KernelForm, Linear, Quadratic};
 use gridfall_core::sim::setup::{Kernel, Transfer};
 
-/// What a kernel asks for, as numbers.
+/// The numbers that describe a kernel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shape {
     pub grids: usize,
     /// Nodes along an axis on each grid.
     pub width: usize,
-    /// Where node 0 of each grid lies (dx).
+    /// Position of node 0 of each grid (dx).
     pub shift: [f64; 2],
-    /// What a grid contributes to the particles' fields.
+    /// Share of each grid in the particles' velocities and gradients.
     pub share: f64,
 }
 
@@ -28,7 +30,8 @@ pub struct Stencil<const D: usize> {
     pub inverse_moment: Matrix<f64, D>,
 }
 
-/// Writes weights and g vectors (1/m) of a particle at `x` (in units of `dx`) for all nodes, grid by grid, the last axis fastest.
+/// Writes weights and g vectors (1/m) of a particle at `x` (in units of `dx`) for all nodes, grid
+/// by grid, the last axis fastest.
 type Tabulate<const D: usize> = fn(&Vector<f64, D>, f64, bool, &mut [f64], &mut [Vector<f64, D>]) -> Stencil<D>;
 
 /// A kernel with its form of the gradient.
@@ -55,7 +58,8 @@ impl<const D: usize> Interpolation<D> {
         self.shape.grids * self.shape.width.pow(D as u32)
     }
 
-    /// Weights and g vectors (1/m) of a particle at `x` (in units of dx, m) for its [`Self::nodes`].
+    /// Weights and g vectors (1/m) of a particle at `x` (in units of dx, m) for its
+    /// [`Self::nodes`].
     pub fn at(&self, x: &Vector<f64, D>, dx: f64, w: &mut [f64], g: &mut [Vector<f64, D>]) -> Stencil<D> {
         (self.tabulate)(x, dx, self.mls, w, g)
     }
@@ -118,7 +122,7 @@ fn tabulate<K: KernelForm<G, W>, const D: usize, const G: usize, const W: usize>
 mod tests {
     use super::*;
 
-    /// An affine velocity field is seen with its gradient, whatever kernel and form.
+    /// Affine velocity fields are reproduced with their gradients by every kernel and form.
     #[test]
     fn affine_fields_are_reproduced() {
         let dx = 0.3;

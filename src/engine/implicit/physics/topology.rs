@@ -1,25 +1,26 @@
-//! Which nodes a step has, and who touches whom.
+//! The nodes of a step, and which particles touch them.
 //!
-//! Particles are sorted into groups that share all their nodes. Sums over particles at a node are gathered: a group first adds up what its own
-//! particles bring to each of its nodes, then a node adds up its groups in a fixed order. No two threads write one number, and no result depends
-//! on their count.
+//! Particles are sorted into groups that share all their nodes. Sums over particles at a node are
+//! gathered: a group first adds up what its own particles bring to each of its nodes, then a node
+//! adds up its groups in a fixed order. No two threads write the same number, and no result depends
+//! on how many there are.
 
 use rayon::prelude::*;
 
 use super::stencil::{Interpolation, Stencil};
 use crate::implicit::solver::objective::NodeId;
+use crate::keys;
 use gridfall_core::maths::linalg::Vector;
 use gridfall_core::sim::setup::{Axis, Setup};
 
-/// Groups that a thread takes at a time.
+/// Groups per task of a thread.
 const CHUNK: usize = 64;
 
-/// Bits of a packed node coordinate, within a block and of the block.
-const BLOCK_BITS: u32 = 2;
-const COORDINATE_BITS: u32 = 18;
-const BIAS: i32 = 1 << (COORDINATE_BITS + BLOCK_BITS - 1);
+/// Bits of a block coordinate in a packed node.
+const BITS: u32 = 18;
 
-/// The interpolation between particles and nodes at one instant. Particles are in the order of their groups.
+/// The interpolation between particles and nodes at one instant. Particles are in the order of
+/// their groups.
 pub struct Topology<const D: usize> {
     pub interpolation: Interpolation<D>,
     /// Spacing of the nodes (m).
@@ -28,39 +29,31 @@ pub struct Topology<const D: usize> {
     pub order: Vec<u32>,
     /// Nodes of a particle and of a group.
     pub stride: usize,
-    /// `stride` a particle.
+    /// `stride` per particle.
     pub weights: Vec<f64>,
-    /// `stride` a particle (1/m).
+    /// `stride` per particle (1/m).
     pub gradients: Vec<Vector<f64, D>>,
     pub stencils: Vec<Stencil<D>>,
     /// Group of each particle.
     pub group_of: Vec<u32>,
     /// Particles of group k: `group_start[k]..group_start[k + 1]`.
     pub group_start: Vec<u32>,
-    /// `stride` a group.
+    /// `stride` per group.
     pub group_nodes: Vec<u32>,
     pub nodes: Vec<NodeId<D>>,
-    /// The groups that touch node i, as indices into `group_nodes`: `incidence[incidence_start[i]..incidence_start[i + 1]]`.
+    /// The groups that touch node i, as indices into `group_nodes`:
+    /// `incidence[incidence_start[i]..incidence_start[i + 1]]`.
     pub incidence_start: Vec<u32>,
     pub incidence: Vec<u32>,
 }
 
-/// A node's grid and block of 4^D, then its place in there, as one number: neighbours are near each other in memory.
+/// A node as one number: grid by grid, block by block.
 fn pack<const D: usize>(node: &NodeId<D>) -> u64 {
-    let index = node.index.map(|i| (i + BIAS) as u64);
-    let blocks = index.iter().fold(u64::from(node.grid), |key, i| key << COORDINATE_BITS | i >> BLOCK_BITS);
-    index.iter().fold(blocks, |key, i| key << BLOCK_BITS | i & ((1 << BLOCK_BITS) - 1))
+    u64::from(node.grid) << keys::by_blocks_bits(BITS, D) | keys::pack_by_blocks::<BITS, D>(node.index)
 }
 
 fn unpack<const D: usize>(key: u64) -> NodeId<D> {
-    let shift = BLOCK_BITS * D as u32;
-    let index = std::array::from_fn(|a| {
-        let back = (D - 1 - a) as u32;
-        let inner = key >> (BLOCK_BITS * back) & ((1 << BLOCK_BITS) - 1);
-        let block = key >> (shift + COORDINATE_BITS * back) & ((1 << COORDINATE_BITS) - 1);
-        (block << BLOCK_BITS | inner) as i32 - BIAS
-    });
-    NodeId { grid: (key >> (shift + COORDINATE_BITS * D as u32)) as u8, index }
+    NodeId { grid: (key >> keys::by_blocks_bits(BITS, D)) as u8, index: keys::unpack_by_blocks::<BITS, D>(key) }
 }
 
 /// Cells along the axes that are periodic.
@@ -77,7 +70,7 @@ impl<const D: usize> Topology<D> {
         let local = |x: &Vector<f64, D>| -> Vector<f64, D> { std::array::from_fn(|a| (x[a] - setup.origin[a]) / dx) };
         let grids = interpolation.shape.grids;
 
-        // Order by the lowest nodes, which decide all others; equal ones by index.
+        // Sort by the lowest nodes, which determine all others; then by index.
         let key = |id: usize| {
             let (mut w, mut g) = ([0.0; 64], [[0.0; D]; 64]);
             let stencil = interpolation.at(&local(&x[id]), dx, &mut w[..stride], &mut g[..stride]);
@@ -205,7 +198,8 @@ impl<const D: usize> Topology<D> {
         x
     }
 
-    /// Sums over the nodes of what each group's particles bring: `bring` adds a group's share to the values of its nodes.
+    /// Sums at the nodes over what each group's particles contribute: `bring` adds a group's share
+    /// to the values of its nodes.
     pub fn gather<V>(&self, zero: V, bring: impl Fn(usize, &mut [V]) + Sync, add: impl Fn(&mut V, &V) + Sync) -> Vec<V>
     where
         V: Copy + Send + Sync,

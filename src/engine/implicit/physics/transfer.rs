@@ -1,7 +1,8 @@
-//! Particles to grid and back, for one step of any length (APIC and MLS: NUMERICS §1; PIC has B = 0).
+//! Particles to grid and back, for one step of any length (APIC and MLS: NUMERICS §1; PIC has
+//! B = 0).
 //!
-//! m_i = Σ w m, m_i v_i = Σ w m (v_p + B D⁻¹ (x_i − x_p)); v_p = share Σ w v_i, B = share Σ w v_i (x_i − x_p)ᵀ;
-//! F ← (I + dt share Σ v_i gᵀ) F, then the return map; x ← x + dt v.
+//! m_i = Σ w m, m_i v_i = Σ w m (v_p + B D⁻¹ (x_i − x_p)); v_p = share Σ w v_i, B = share Σ w v_i
+//! (x_i − x_p)ᵀ; F ← (I + dt share Σ v_i gᵀ) F, then the return map; x ← x + dt v.
 
 use rayon::prelude::*;
 
@@ -62,8 +63,10 @@ pub fn particles_to_grid<const D: usize>(
 /// What the particles did in a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Moves {
-    /// Farthest way (dx).
+    /// Largest distance of a particle (dx).
     pub farthest_dx: f64,
+    /// Fastest particle (m/s).
+    pub max_speed_m_s: f64,
     /// First particle, by place in the state, that is no longer finite.
     pub lost: Option<usize>,
     /// First particle that is more than a cell outside a wall.
@@ -118,6 +121,7 @@ pub fn grid_to_particles<const D: usize>(
             moves.outside.get_or_insert(p);
         }
         let speed = v.iter().map(|c| c * c).sum::<f64>().sqrt();
+        moves.max_speed_m_s = moves.max_speed_m_s.max(speed);
         moves.farthest_dx = moves.farthest_dx.max(speed * dt / setup.dx);
     }
     let after = State {

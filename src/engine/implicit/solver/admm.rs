@@ -1,27 +1,28 @@
-//! Alternating directions (Fang et al. 2019, "Silly Rubber", for elastic materials): particles and nodes take turns, coupled by multipliers.
+//! Alternating directions (Fang et al. 2019, "Silly Rubber", for elastic materials): particles and
+//! nodes take turns, coupled by multipliers.
 //!
-//! Of first order: cheap iterations, of which a tight tolerance takes many (HOT §7.3).
+//! A first-order method: iterations are cheap, but a tight tolerance takes many (HOT §7.3).
 
-use super::descent::STALLED;
 use super::krylov::{BlockJacobi, conjugate_gradients};
-use super::objective::{Field, Objective};
+use super::objective::{NodeVectors, Objective};
+use super::policy::STALLED;
 use super::tolerance::{Tolerance, residual};
 use super::verbs::{axpy, norm};
 use crate::contract::Solve;
 use gridfall_core::maths::linalg::{Matrix, add_scaled};
 
-/// By how much the nodes' linear solve reduces sqrt(rᵀP r).
+/// Factor by which the nodes' linear solve reduces sqrt(rᵀP r).
 const REDUCTION: f64 = 0.1;
-/// Below this part of ‖Δv‖ a change of it is rounding.
+/// Changes of Δv below this fraction of ‖Δv‖ are rounding.
 const NOISE: f64 = 4.0 * f64::EPSILON;
 
-/// Minimises E with multipliers U: Δv to F(Δv) ≈ Z − U, then Z = argmin V0 ψ(Z) + ½ w |Z − F − U|², U += F − Z. One iteration solves the
-/// nodes' linear system once, from where it stands.
+/// Minimises E with multipliers U: Δv to F(Δv) ≈ Z − U, then Z = argmin V0 ψ(Z) + ½ w |Z − F − U|²,
+/// U += F − Z. One iteration solves the nodes' linear system once, from where it stands.
 pub fn alternate<const D: usize>(
     objective: &dyn Objective<D>,
     tolerance: Tolerance,
     max_iterations: u32,
-) -> (Field<D>, Solve) {
+) -> (NodeVectors<D>, Solve) {
     let splitting = objective.splitting();
     let matrix = splitting.metric();
     let mut jacobi = BlockJacobi::new(&matrix.diagonal());

@@ -1,10 +1,11 @@
 //! Cholesky factorisation within an envelope, for the coarsest level.
 
 use super::hierarchy::Nodes;
-use super::objective::{Field, NodeId};
+use super::objective::{NodeId, NodeVectors};
 use super::sparse::Bsr;
 
-/// L of A = L Lᵀ by rows, each from its first non-zero on; nodes in order along the longest axis, which keeps rows short.
+/// L of A = L Lᵀ by rows, each from its first non-zero on; nodes are in order along the longest
+/// axis, which keeps rows short.
 pub struct Cholesky<const D: usize> {
     /// Node at every place of the order.
     order: Vec<u32>,
@@ -87,7 +88,7 @@ impl<const D: usize> Cholesky<D> {
     }
 
     /// x = A⁻¹ b.
-    pub fn solve(&self, b: &Field<D>, x: &mut Field<D>) {
+    pub fn solve(&self, b: &NodeVectors<D>, x: &mut NodeVectors<D>) {
         let mut y: Vec<f64> = self.order.iter().flat_map(|&i| b[i as usize]).collect();
         let row = |i: usize| &self.entries[self.start[i]..self.start[i + 1]];
         for i in 0..y.len() {

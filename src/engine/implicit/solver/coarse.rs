@@ -3,24 +3,25 @@
 use super::cholesky::Cholesky;
 use super::hierarchy::Nodes;
 use super::krylov::Inexact;
-use super::objective::Field;
+use super::objective::NodeVectors;
 use super::smoother::{Chebyshev, Room};
 use super::sparse::Bsr;
 use gridfall_core::sim::settings::CoarseSolve;
 
-/// Multiplications up to which a factorisation is worth its time.
+/// Multiplications up to which a factorisation pays.
 const FACTORISE: f64 = 3e8;
-/// The polynomial that takes its place in larger systems: its degree, and the part of the spectrum that it damps.
+/// The polynomial that replaces it in larger systems: its degree, and the range of the spectrum
+/// that it damps.
 const DEGREE: usize = 30;
 const RANGE: f64 = 400.0;
 
 /// In f64: the coarsest level is small.
 pub struct Coarsest<const D: usize> {
     matrix: Bsr<f64, D>,
-    solver: Solver<D>,
+    solver: CoarseSolver<D>,
 }
 
-enum Solver<const D: usize> {
+enum CoarseSolver<const D: usize> {
     Exact(Cholesky<D>),
     Polynomial(Chebyshev<f64, D>, Room<f64, D>),
     Adaptive(Inexact<D>),
@@ -30,22 +31,22 @@ impl<const D: usize> Coarsest<D> {
     pub fn new(kind: CoarseSolve, matrix: Bsr<f64, D>, nodes: &Nodes<D>) -> Self {
         let factor = || (Cholesky::cost(&matrix, nodes) <= FACTORISE).then(|| Cholesky::new(&matrix, nodes)).flatten();
         let solver = match kind {
-            CoarseSolve::Adaptive => Solver::Adaptive(Inexact::new(&matrix)),
+            CoarseSolve::Adaptive => CoarseSolver::Adaptive(Inexact::new(&matrix)),
             CoarseSolve::Fixed => match factor() {
-                Some(cholesky) => Solver::Exact(cholesky),
-                None => Solver::Polynomial(Chebyshev::new(&matrix, DEGREE, RANGE), Room::default()),
+                Some(cholesky) => CoarseSolver::Exact(cholesky),
+                None => CoarseSolver::Polynomial(Chebyshev::new(&matrix, DEGREE, RANGE), Room::default()),
             },
         };
         Self { matrix, solver }
     }
 
-    /// x ≈ A⁻¹ b. `straight` is the cycle's right-hand side restricted down without smoothing, from which the adaptive solve takes its
-    /// tolerance.
-    pub fn solve(&mut self, b: &Field<D>, straight: &Field<D>, x: &mut Field<D>) {
+    /// x ≈ A⁻¹ b. `straight` is the cycle's right-hand side restricted down without smoothing, from
+    /// which the adaptive solve takes its tolerance.
+    pub fn solve(&mut self, b: &NodeVectors<D>, straight: &NodeVectors<D>, x: &mut NodeVectors<D>) {
         match &mut self.solver {
-            Solver::Exact(cholesky) => cholesky.solve(b, x),
-            Solver::Polynomial(polynomial, room) => polynomial.smooth(&self.matrix, b, x, true, room),
-            Solver::Adaptive(inexact) => {
+            CoarseSolver::Exact(cholesky) => cholesky.solve(b, x),
+            CoarseSolver::Polynomial(polynomial, room) => polynomial.smooth(&self.matrix, b, x, true, room),
+            CoarseSolver::Adaptive(inexact) => {
                 inexact.solve(&self.matrix, b, straight, x);
             }
         }
@@ -53,12 +54,12 @@ impl<const D: usize> Coarsest<D> {
 
     /// Whether the solve takes its tolerance from `straight`.
     pub fn is_adaptive(&self) -> bool {
-        matches!(self.solver, Solver::Adaptive(_))
+        matches!(self.solver, CoarseSolver::Adaptive(_))
     }
 
     /// Widens a polynomial's interval.
     pub fn strengthen(&mut self) {
-        if let Solver::Polynomial(polynomial, _) = &mut self.solver {
+        if let CoarseSolver::Polynomial(polynomial, _) = &mut self.solver {
             polynomial.strengthen();
         }
     }

@@ -1,5 +1,5 @@
-//! A small elastic problem that the solvers are tested with: jittered neo-Hookean particles in an irregular body, soft on one side and stiff on
-//! the other, with a few sliding nodes.
+//! A small elastic problem that the solvers are tested with: jittered neo-Hookean particles in an
+//! irregular body, soft on one side and stiff on the other, with a few sliding nodes.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::hierarchy::block_key;
-use super::objective::{Field, Freedom, LinearOperator, NodeId, Objective, Splitting};
+use super::objective::{Freedom, LinearOperator, NodeId, NodeVectors, Objective, Splitting};
 use super::sparse::Bsr;
 use gridfall_core::maths::linalg::{
     Matrix, Vector, add_scaled, apply, cofactor, det, identity, mul, mul_transpose, trace, transpose,
@@ -66,7 +66,8 @@ fn spline(u: f64) -> (f64, f64) {
     }
 }
 
-/// Nodes within a quadratic kernel of width `scale` dx around x (cells) on every grid, with weight and gradient; two grids share the gradient.
+/// Nodes within a quadratic kernel of width `scale` dx around x (cells) on every grid, with weight
+/// and gradient; two grids share the gradient.
 fn stencil<const D: usize>(x: &Vector<f64, D>, scale: f64, dual: bool, period: [Option<i32>; D]) -> Touched<D> {
     let shifts: &[f64] = if dual { &[0.25, -0.25] } else { &[0.0] };
     let mut nodes = Vec::new();
@@ -146,7 +147,7 @@ impl<const D: usize> Body<D> {
         Self { nodes: ids, freedoms, masses, scales, particles, period, dt_s }
     }
 
-    fn deformation(&self, particle: &Particle<D>, dv: &Field<D>) -> Matrix<f64, D> {
+    fn deformation(&self, particle: &Particle<D>, dv: &NodeVectors<D>) -> Matrix<f64, D> {
         let mut growth = identity();
         for (i, gradient) in &particle.stencil {
             for a in 0..D {
@@ -159,7 +160,7 @@ impl<const D: usize> Body<D> {
     }
 
     /// ∂P/∂F of a particle, its negative eigenvalues set to zero.
-    fn derivative(&self, particle: &Particle<D>, dv: &Field<D>) -> DMatrix<f64> {
+    fn derivative(&self, particle: &Particle<D>, dv: &NodeVectors<D>) -> DMatrix<f64> {
         let f = self.deformation(particle, dv);
         let (cofactor, j) = (cofactor(&f), det(&f));
         let inverse_transpose = cofactor.map(|row| row.map(|x| x / j));
@@ -178,7 +179,13 @@ impl<const D: usize> Body<D> {
         eigen.recompose()
     }
 
-    fn assemble(&self, stencils: &[Stencil<D>], masses: &[f64], freedoms: &[Freedom<D>], dv: &Field<D>) -> Bsr<f64, D> {
+    fn assemble(
+        &self,
+        stencils: &[Stencil<D>],
+        masses: &[f64],
+        freedoms: &[Freedom<D>],
+        dv: &NodeVectors<D>,
+    ) -> Bsr<f64, D> {
         let mut rows: Vec<BTreeMap<u32, Matrix<f64, D>>> = vec![BTreeMap::new(); masses.len()];
         for (i, row) in rows.iter_mut().enumerate() {
             row.insert(i as u32, identity::<f64, D>().map(|row| row.map(|x| x * masses[i])));
@@ -263,16 +270,16 @@ impl<const D: usize> Objective<D> for Body<D> {
         &self.scales
     }
 
-    fn start(&self) -> Field<D> {
+    fn start(&self) -> NodeVectors<D> {
         vec![[0.0; D]; self.nodes.len()]
     }
 
-    fn energy(&self, dv: &Field<D>) -> f64 {
+    fn energy(&self, dv: &NodeVectors<D>) -> f64 {
         let mut gradient = dv.clone();
         self.energy_and_gradient(dv, &mut gradient)
     }
 
-    fn energy_and_gradient(&self, dv: &Field<D>, gradient: &mut Field<D>) -> f64 {
+    fn energy_and_gradient(&self, dv: &NodeVectors<D>, gradient: &mut NodeVectors<D>) -> f64 {
         let mut energy = 0.0;
         for i in 0..dv.len() {
             gradient[i] = dv[i].map(|v| self.masses[i] * v);
@@ -306,16 +313,16 @@ impl<const D: usize> Objective<D> for Body<D> {
         energy
     }
 
-    fn hessian(&self, dv: &Field<D>) -> Bsr<f64, D> {
+    fn hessian(&self, dv: &NodeVectors<D>) -> Bsr<f64, D> {
         let stencils: Vec<_> = self.particles.iter().map(|particle| particle.stencil.clone()).collect();
         self.assemble(&stencils, &self.masses, &self.freedoms, dv)
     }
 
-    fn linearised<'a>(&'a self, dv: &Field<D>) -> Box<dyn LinearOperator<D> + 'a> {
+    fn linearised<'a>(&'a self, dv: &NodeVectors<D>) -> Box<dyn LinearOperator<D> + 'a> {
         Box::new(self.hessian(dv))
     }
 
-    fn coarse_hessian(&self, dv: &Field<D>, level: u32) -> (Vec<NodeId<D>>, Bsr<f64, D>) {
+    fn coarse_hessian(&self, dv: &NodeVectors<D>, level: u32) -> (Vec<NodeId<D>>, Bsr<f64, D>) {
         let dual = self.copies() > 1.0;
         let scale = (1 << level) as f64;
         let stencils: Vec<_> = self.particles.iter().map(|p| stencil(&p.x, scale, dual, self.period)).collect();

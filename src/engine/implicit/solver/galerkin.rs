@@ -1,20 +1,22 @@
 //! Coarse matrices, H¹ = R H P (HOT eq. 6).
 //!
-//! Gathered: a thread makes a coarse row from the rows of its children, first Σ_i w_Ii H_ij over the fine columns that these touch, then over
-//! the parents of the columns. No particle is touched.
+//! Gathered: a thread computes a coarse row from the rows of its children, first Σ_i w_Ii H_ij over
+//! the fine columns that these touch, then over the parents of the columns. Particles are not
+//! involved.
 
 use rayon::prelude::*;
 
-use super::hierarchy::Transfer;
+use super::hierarchy::Prolongation;
 use super::sparse::Bsr;
 use gridfall_core::maths::linalg::{Matrix, mul, scaled_identity};
 
-/// Coarse rows that a thread takes at a time.
+/// Coarse rows per task of a thread.
 const ROWS: usize = 32;
 
-/// A sum of blocks per column, for few of many columns at a time.
+/// A sum of blocks per column, for few of many columns at once.
 struct Accumulator<const D: usize> {
-    /// Places of the columns' sums, counted from `base`; smaller numbers are left from earlier rows.
+    /// Places of the columns' sums, counted from `base`; smaller numbers are left over from earlier
+    /// rows.
     place: Vec<u32>,
     base: u32,
     columns: Vec<u32>,
@@ -55,18 +57,20 @@ impl<const D: usize> Accumulator<D> {
 /// A coarse matrix and the projections of the coarse nodes.
 pub struct Coarse<const D: usize> {
     pub matrix: Bsr<f64, D>,
-    /// S of the coarse nodes that are reached through sliding nodes only and therefore lack directions.
+    /// S of the coarse nodes that are reached through sliding nodes only and therefore lack
+    /// directions.
     pub projections: Vec<Option<Matrix<f64, D>>>,
 }
 
-/// R H P for P = S w. Rows and columns of `fine` are projected already, but for its diagonal blocks, which were completed.
-/// The same is done to the coarse blocks: directions that no child can move in get the block's largest eigenvalue.
+/// R H P for P = S w. Rows and columns of `fine` are projected already, but for its diagonal
+/// blocks, which were completed. The same is done to the coarse blocks: directions that no child
+/// can move in get the block's largest eigenvalue.
 pub fn galerkin<const D: usize>(
     fine: &Bsr<f64, D>,
     projections: &[Option<Matrix<f64, D>>],
-    transfer: &Transfer<D>,
+    prolongation: &Prolongation<D>,
 ) -> Coarse<D> {
-    let coarse_nodes = transfer.children.rows();
+    let coarse_nodes = prolongation.children.rows();
     let starts: Vec<usize> = (0..coarse_nodes).step_by(ROWS).collect();
     let chunks: Vec<_> = starts
         .into_par_iter()
@@ -75,12 +79,12 @@ pub fn galerkin<const D: usize>(
             |(over_fine, over_coarse), start| {
                 let mut rows = Vec::new();
                 for row in start..(start + ROWS).min(coarse_nodes) {
-                    gather_row(fine, projections, transfer, row, over_fine, over_coarse);
+                    gather_row(fine, projections, prolongation, row, over_fine, over_coarse);
                     let mut order: Vec<u32> = (0..over_coarse.columns.len() as u32).collect();
                     order.sort_unstable_by_key(|&k| over_coarse.columns[k as usize]);
                     let entry = |k: u32| (over_coarse.columns[k as usize], over_coarse.sums[k as usize]);
                     let entries: Vec<(u32, Matrix<f64, D>)> = order.into_iter().map(entry).collect();
-                    let slides = transfer.children.row(row).all(|(i, _)| projections[i].is_some());
+                    let slides = prolongation.children.row(row).all(|(i, _)| projections[i].is_some());
                     rows.push((entries, slides));
                 }
                 rows
@@ -112,19 +116,19 @@ pub fn galerkin<const D: usize>(
 fn gather_row<const D: usize>(
     fine: &Bsr<f64, D>,
     projections: &[Option<Matrix<f64, D>>],
-    transfer: &Transfer<D>,
+    prolongation: &Prolongation<D>,
     row: usize,
     over_fine: &mut Accumulator<D>,
     over_coarse: &mut Accumulator<D>,
 ) {
     over_fine.clear();
-    for (i, weight) in transfer.children.row(row) {
+    for (i, weight) in prolongation.children.row(row) {
         let (columns, blocks) = fine.row(i);
         for (&j, block) in columns.iter().zip(blocks) {
             over_fine.add(j, weight as f64, block);
         }
         if let Some(s) = &projections[i] {
-            // The completion that the diagonal block has is no part of the operator.
+            // The completion of the diagonal block is not part of the operator.
             let diagonal = &blocks[columns.binary_search(&(i as u32)).expect("every row has its diagonal")];
             let projected = mul(s, &mul(diagonal, s));
             let mut excess = *diagonal;
@@ -134,7 +138,7 @@ fn gather_row<const D: usize>(
     }
     over_coarse.clear();
     for (j, sum) in over_fine.columns.iter().zip(&over_fine.sums) {
-        for (parent, weight) in transfer.parents.row(*j as usize) {
+        for (parent, weight) in prolongation.parents.row(*j as usize) {
             over_coarse.add(parent as u32, weight as f64, sum);
         }
     }

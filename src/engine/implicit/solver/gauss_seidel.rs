@@ -5,9 +5,10 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::hierarchy::{Nodes, block_key};
-use super::krylov::{Preconditioner, inverse};
-use super::objective::Field;
+use super::krylov::Preconditioner;
+use super::objective::NodeVectors;
 use super::sparse::{Bsr, row_times};
+use super::verbs::inverse;
 use gridfall_core::maths::linalg::{Matrix, Vector, apply};
 use gridfall_core::maths::real::Real;
 use gridfall_core::maths::widest::widest;
@@ -15,19 +16,21 @@ use gridfall_core::maths::widest::widest;
 /// Nodes of a block along an axis.
 const BLOCK: i32 = 4;
 
-/// The order of a sweep. Blocks of one colour are not coupled, so that they can go side by side with a result that does not depend on threads.
+/// The order of a sweep. Blocks of one colour are not coupled, so that they can be relaxed in
+/// parallel with a result that does not depend on the threads.
 pub struct GaussSeidel<T, const D: usize> {
     inverse_diagonal: Vec<Matrix<T, D>>,
     /// Nodes by colour and block.
     order: Vec<u32>,
-    /// Of every colour its blocks' nodes in `order`.
+    /// For every colour, the places of its blocks' nodes in `order`.
     colours: Vec<Vec<Range<usize>>>,
 }
 
 /// A colour and one of its blocks.
 type Place<const D: usize> = (usize, [i32; D]);
 
-/// Around a periodic axis the last block takes what is left over, and a third colour if their number is odd.
+/// Around a periodic axis the last block takes what is left over, and a third colour if their
+/// number is odd.
 fn place<const D: usize>(nodes: &Nodes<D>, i: usize) -> Place<D> {
     let mut colour = 0;
     let block = std::array::from_fn(|a| {
@@ -100,8 +103,10 @@ widest! {
             let start = matrix.row_start[i];
             let columns = &matrix.columns[start..matrix.row_start[i + 1]];
             let entries = matrix.blocks[start..].as_flattened().as_flattened();
-            // SAFETY: node i is written by this thread alone, and the nodes read are either of the same block or of blocks of other colours,
-            // which rest; `GaussSeidel::new` has checked that. All are in bounds, which `symmetric_sweep` has checked.
+            // SAFETY: node i is written by this thread alone, and the nodes read are either of the
+            // same block or of blocks of other colours, which no thread writes now;
+            // `GaussSeidel::new` has checked that. All are in bounds, which `symmetric_sweep` has
+            // checked.
             unsafe {
                 let product = row_times(columns, entries, |j| *x.0.add(j));
                 let step = apply(&sweep.inverse_diagonal[i], &std::array::from_fn(|a| b[i][a] - product[a]));
@@ -119,7 +124,7 @@ pub struct SymmetricGaussSeidel<'a, const D: usize> {
 }
 
 impl<const D: usize> Preconditioner<D> for SymmetricGaussSeidel<'_, D> {
-    fn apply(&mut self, r: &Field<D>, z: &mut Field<D>) -> u32 {
+    fn apply(&mut self, r: &NodeVectors<D>, z: &mut NodeVectors<D>) -> u32 {
         z.fill([0.0; D]);
         self.sweeps.symmetric_sweep(self.matrix, r, z);
         1

@@ -1,13 +1,16 @@
-//! Coarser and coarser nodes, and what goes from one level to the next (HOT §4).
+//! The nodes of coarser and coarser levels, and what takes vectors from one level to the next (HOT
+//! §4).
 //!
-//! Coarse node j of a grid lies on that grid's fine node 2j. A fine node is embedded in the coarse grid like a particle in the fine one: with
-//! linear weights an even index has one parent and an odd one two, with quadratic weights three and two (§4.2). Coarse nodes exist where they
-//! are hit. The compact kernel's grids are coarsened each by itself.
+//! Coarse node j of a grid lies on that grid's fine node 2j. A fine node is embedded in the coarse
+//! grid like a particle in the fine one: with linear weights an even index has one parent and an
+//! odd one two, with quadratic weights three and two (§4.2). A coarse node exists where a fine one
+//! is embedded in it. Each of the compact kernel's two grids is coarsened by itself.
 
 use rayon::prelude::*;
 
 use super::objective::NodeId;
 use super::verbs;
+use crate::keys;
 use gridfall_core::maths::linalg::{Matrix, Vector};
 use gridfall_core::maths::real::Real;
 
@@ -34,10 +37,11 @@ pub struct Weights {
     pub weights: Vec<f32>,
 }
 
-/// Between a level and the next coarser one: P = S_i w_ij, R = Pᵀ. The weights are powers of two over small numbers, exact in f32.
+/// Between a level and the next coarser one: P = S_i w_ij, R = Pᵀ. The weights are powers of two
+/// over small numbers, exact in f32.
 #[derive(Clone, Debug)]
-pub struct Transfer<const D: usize> {
-    /// Of every fine node the coarse nodes that it is embedded in.
+pub struct Prolongation<const D: usize> {
+    /// For every fine node, the coarse nodes that it is embedded in.
     pub parents: Weights,
     /// The transpose.
     pub children: Weights,
@@ -84,7 +88,7 @@ impl Weights {
     }
 }
 
-impl<const D: usize> Transfer<D> {
+impl<const D: usize> Prolongation<D> {
     /// R r; `r` is projected on the way.
     pub fn restrict<T: Real>(
         &self,
@@ -110,11 +114,10 @@ impl<const D: usize> Transfer<D> {
     }
 }
 
-/// Where a node stands when nodes are taken by blocks of 4^D, which lie close together in memory.
+/// Where a node stands when nodes are taken by blocks of 4^D, which lie close together in memory,
+/// and the grids' nodes side by side.
 pub fn block_key<const D: usize>(id: &NodeId<D>) -> u64 {
-    let place = |a: usize| (id.index[a] + (1 << 20)) as u64;
-    let blocks = (0..D).fold(0, |key, a| key << 19 | place(a) >> 2);
-    (0..D).fold(blocks, |key, a| key << 2 | place(a) & 3) << 1 | id.grid as u64
+    keys::pack_by_blocks::<19, D>(id.index) << 1 | u64::from(id.grid)
 }
 
 impl<const D: usize> Nodes<D> {
@@ -123,7 +126,7 @@ impl<const D: usize> Nodes<D> {
         self.period.map(|cells| cells.is_none_or(|n| n % 2 == 0 && n >= 8))
     }
 
-    /// Parents of a node and its weights there, up to three an axis.
+    /// Parents of a node and its weights there, up to three per axis.
     fn parents(&self, id: &NodeId<D>, embedding: Embedding, mut give: impl FnMut(NodeId<D>, f32)) {
         let coarsened = self.coarsened_axes();
         let axis = |a: usize| -> ([(i32, f32); 3], usize) {
@@ -153,8 +156,8 @@ impl<const D: usize> Nodes<D> {
         }
     }
 
-    /// The nodes of the next level, in order of [`block_key`], and the transfer to them.
-    pub fn coarsen(&self, embedding: Embedding) -> (Nodes<D>, Transfer<D>) {
+    /// The nodes of the next level, in order of [`block_key`], and the prolongation from them.
+    pub fn coarsen(&self, embedding: Embedding) -> (Nodes<D>, Prolongation<D>) {
         let hit = |id: &NodeId<D>| {
             let mut parents = Vec::new();
             self.parents(id, embedding, |parent, _| parents.push(parent));
@@ -166,12 +169,13 @@ impl<const D: usize> Nodes<D> {
         let coarsened = self.coarsened_axes();
         let period = std::array::from_fn(|a| self.period[a].map(|n| if coarsened[a] { n / 2 } else { n }));
         let coarse = Nodes { ids, period };
-        let transfer = self.transfer(&coarse, embedding);
-        (coarse, transfer)
+        let prolongation = self.prolongation(&coarse, embedding);
+        (coarse, prolongation)
     }
 
-    /// The transfer to coarser nodes that are given, which lie in order of [`block_key`]; parents that are not among them are left out.
-    pub fn transfer(&self, coarse: &Nodes<D>, embedding: Embedding) -> Transfer<D> {
+    /// The prolongation from coarser nodes that are given, which lie in order of [`block_key`];
+    /// parents that are not among them are left out.
+    pub fn prolongation(&self, coarse: &Nodes<D>, embedding: Embedding) -> Prolongation<D> {
         let keys: Vec<u64> = coarse.ids.iter().map(block_key).collect();
         let row = |id: &NodeId<D>| {
             let mut row = Vec::new();
@@ -191,6 +195,6 @@ impl<const D: usize> Nodes<D> {
             }
             parents.row_start.push(parents.columns.len() as u32);
         }
-        Transfer { children: parents.transpose(coarse.ids.len()), parents }
+        Prolongation { children: parents.transpose(coarse.ids.len()), parents }
     }
 }

@@ -1,8 +1,8 @@
 //! Conjugate gradients with a preconditioner that may change from one application to the next.
 
-use super::objective::{Field, LinearOperator};
-use super::verbs::{apply_blocks, axpy, difference, dot, xpby};
-use gridfall_core::maths::linalg::{Matrix, Vector, apply, cofactor, dot as dot_vectors, transpose};
+use super::objective::{LinearOperator, NodeVectors};
+use super::verbs::{apply_blocks, axpy, difference, dot, inverse, xpby};
+use gridfall_core::maths::linalg::{Matrix, Vector, apply, dot as dot_vectors};
 use gridfall_core::maths::real::Real;
 
 /// Iterations after which a linear solve is given up (HOT, authors' code).
@@ -10,16 +10,16 @@ pub const MAX_ITERATIONS: u32 = 10_000;
 
 /// z ≈ A⁻¹ r.
 pub trait Preconditioner<const D: usize> {
-    /// Returns the inner iterations that this took: those of its own linear solver, or 1.
-    fn apply(&mut self, r: &Field<D>, z: &mut Field<D>) -> u32;
+    /// Returns the inner iterations: those of its own linear solver, or 1.
+    fn apply(&mut self, r: &NodeVectors<D>, z: &mut NodeVectors<D>) -> u32;
 
-    /// Called when zᵀr ≤ 0: makes the operator safer, or returns false.
+    /// Called when zᵀr ≤ 0: makes the preconditioner more cautious, or returns false if it cannot.
     fn strengthen(&mut self) -> bool {
         false
     }
 }
 
-/// The inverse diagonal blocks.
+/// The inverses of the diagonal blocks.
 pub struct BlockJacobi<T, const D: usize>(pub Vec<Matrix<T, D>>);
 
 impl<T: Real, const D: usize> BlockJacobi<T, D> {
@@ -29,38 +29,31 @@ impl<T: Real, const D: usize> BlockJacobi<T, D> {
     }
 }
 
-/// The inverse of a symmetric positive definite block.
-pub fn inverse<T: Real, const D: usize>(block: &Matrix<T, D>) -> Matrix<T, D> {
-    let exact = block.map(|row| row.map(|x| x.to_f64()));
-    let cofactor = cofactor(&exact);
-    let det = dot_vectors(&exact[0], &cofactor[0]);
-    transpose(&cofactor).map(|row| row.map(|x| T::from_f64(x / det)))
-}
-
 impl<const D: usize> Preconditioner<D> for BlockJacobi<f64, D> {
-    fn apply(&mut self, r: &Field<D>, z: &mut Field<D>) -> u32 {
+    fn apply(&mut self, r: &NodeVectors<D>, z: &mut NodeVectors<D>) -> u32 {
         apply_blocks(&self.0, r, z);
         1
     }
 }
 
-/// Solves A x = b from x = 0 until zᵀr ≤ goal(z0ᵀb). β is Polak and Ribière's, zᵀ(r − r_old) / z_oldᵀ r_old, which for a fixed preconditioner
-/// is the usual one and keeps the directions conjugate to the last one for any other ("flexible"). Returns the iterations.
+/// Solves A x = b from x = 0 until zᵀr ≤ goal(z0ᵀb). β is Polak and Ribière's,
+/// zᵀ(r − r_old) / z_oldᵀ r_old, which for a fixed preconditioner is the usual one and keeps the
+/// directions conjugate to the last one for any other ("flexible"). Returns the iterations.
 pub fn conjugate_gradients<const D: usize>(
     operator: &dyn LinearOperator<D>,
     preconditioner: &mut dyn Preconditioner<D>,
-    b: &Field<D>,
-    x: &mut Field<D>,
+    b: &NodeVectors<D>,
+    x: &mut NodeVectors<D>,
     goal: impl Fn(f64) -> f64,
 ) -> u32 {
     x.fill([0.0; D]);
     let mut r = b.clone();
-    let mut z: Field<D> = vec![[0.0; D]; b.len()];
+    let mut z: NodeVectors<D> = vec![[0.0; D]; b.len()];
     precondition(preconditioner, &r, &mut z);
     let mut zr = dot(&z, &r);
     let goal = goal(zr);
     let mut p = z.clone();
-    let mut ap: Field<D> = vec![[0.0; D]; b.len()];
+    let mut ap: NodeVectors<D> = vec![[0.0; D]; b.len()];
     let mut iterations = 0;
     while zr > goal && iterations < MAX_ITERATIONS {
         operator.apply(&p, &mut ap);
@@ -81,15 +74,20 @@ pub fn conjugate_gradients<const D: usize>(
     iterations
 }
 
-/// z with zᵀr > 0, unless the preconditioner cannot do it.
-fn precondition<const D: usize>(preconditioner: &mut dyn Preconditioner<D>, r: &Field<D>, z: &mut Field<D>) {
+/// z with zᵀr > 0, unless the preconditioner cannot give one.
+fn precondition<const D: usize>(
+    preconditioner: &mut dyn Preconditioner<D>,
+    r: &NodeVectors<D>,
+    z: &mut NodeVectors<D>,
+) {
     preconditioner.apply(r, z);
     while dot(z, r) < 0.0 && preconditioner.strengthen() {
         preconditioner.apply(r, z);
     }
 }
 
-/// Conjugate gradients with the diagonal blocks, until zᵀr < ¼ of what it is for a given right-hand side (HOT §5.3, authors' code).
+/// Conjugate gradients with the diagonal blocks, until zᵀr < ¼ of what it is for a given right-hand
+/// side (HOT §5.3, authors' code).
 pub struct Inexact<const D: usize> {
     jacobi: BlockJacobi<f64, D>,
 }
@@ -103,9 +101,9 @@ impl<const D: usize> Inexact<D> {
     pub fn solve(
         &mut self,
         operator: &dyn LinearOperator<D>,
-        b: &Field<D>,
-        reference: &Field<D>,
-        x: &mut Field<D>,
+        b: &NodeVectors<D>,
+        reference: &NodeVectors<D>,
+        x: &mut NodeVectors<D>,
     ) -> u32 {
         let energy = |v: &Vector<f64, D>, block: &Matrix<f64, D>| dot_vectors(v, &apply(block, v));
         let goal: f64 = 0.25 * reference.iter().zip(&self.jacobi.0).map(|(v, block)| energy(v, block)).sum::<f64>();

@@ -1,24 +1,26 @@
-//! Minimisation of an [`objective::Objective`]: descent with L-BFGS or Newton's method, Krylov solvers, the Galerkin hierarchy and its
-//! V-cycle, ADMM.
+//! Minimisation of an [`objective::Objective`]: descent with L-BFGS or Newton's method, Krylov
+//! solvers, the Galerkin hierarchy and its V-cycle, ADMM. `policy` decides when to stop, rebuild
+//! and retreat, here and on the GPU.
 
 mod admm;
 mod cholesky;
 mod coarse;
 mod descent;
-pub mod galerkin;
+mod galerkin;
 mod gauss_seidel;
-pub mod hierarchy;
-pub(crate) mod krylov;
-pub(crate) mod lbfgs;
+mod hierarchy;
+mod krylov;
+mod lbfgs;
 mod line_search;
 mod newton;
 pub mod objective;
+pub(crate) mod policy;
 pub(crate) mod smoother;
 mod solve;
 pub mod sparse;
 mod spectrum;
 mod tolerance;
-pub mod vcycle;
+mod vcycle;
 pub(crate) mod verbs;
 
 #[cfg(test)]
@@ -26,4 +28,4 @@ mod fixture;
 #[cfg(test)]
 mod tests;
 
-pub use solve::solve;
+pub(crate) use solve::solve;

@@ -5,7 +5,7 @@ use super::gauss_seidel::{GaussSeidel, SymmetricGaussSeidel};
 use super::hierarchy::Nodes;
 use super::krylov::{BlockJacobi, Preconditioner, conjugate_gradients};
 use super::line_search::Point;
-use super::objective::{Field, LinearOperator, Objective};
+use super::objective::{LinearOperator, NodeVectors, Objective};
 use super::tolerance::Tolerance;
 use super::vcycle::{Plan, VCycle};
 
@@ -18,7 +18,7 @@ pub enum Conditioning {
     MatrixFree,
     /// A symmetric coloured Gauss–Seidel sweep.
     GaussSeidel,
-    /// A V-cycle of a hierarchy that is made anew in every Newton step.
+    /// A V-cycle of a hierarchy that is rebuilt in every Newton step.
     Multigrid(Plan),
 }
 
@@ -40,16 +40,22 @@ impl Newton {
         at: &Point<D>,
         operator: &dyn LinearOperator<D>,
         preconditioner: &mut dyn Preconditioner<D>,
-        p: &mut Field<D>,
+        p: &mut NodeVectors<D>,
     ) -> u32 {
-        let r: Field<D> = at.gradient.iter().map(|g| g.map(|x| -x)).collect();
+        let r: NodeVectors<D> = at.gradient.iter().map(|g| g.map(|x| -x)).collect();
         let goal = |start: f64| start * self.tolerance.reduction(objective, &at.gradient, start).powi(2);
         conjugate_gradients(operator, preconditioner, &r, p, goal)
     }
 }
 
 impl<const D: usize> Directions<D> for Newton {
-    fn direction(&mut self, objective: &dyn Objective<D>, at: &Point<D>, _residual: f64, p: &mut Field<D>) -> u32 {
+    fn direction(
+        &mut self,
+        objective: &dyn Objective<D>,
+        at: &Point<D>,
+        _residual: f64,
+        p: &mut NodeVectors<D>,
+    ) -> u32 {
         if let Conditioning::MatrixFree = self.conditioning {
             let operator = objective.linearised(&at.dv);
             let mut jacobi = BlockJacobi::new(&operator.diagonal());
@@ -75,7 +81,7 @@ impl<const D: usize> Directions<D> for Newton {
         }
     }
 
-    fn learn(&mut self, _step: Field<D>, _change: Field<D>) {}
+    fn learn(&mut self, _step: NodeVectors<D>, _change: NodeVectors<D>) {}
 
     fn retreat(&mut self, _descending: bool) -> bool {
         false

@@ -4,19 +4,19 @@ use rayon::prelude::*;
 
 use super::gauss_seidel::GaussSeidel;
 use super::hierarchy::Nodes;
-use super::krylov::inverse;
 use super::sparse::{Bsr, ROWS};
 use super::spectrum::largest_eigenvalue;
-use super::verbs::update;
+use super::verbs::{inverse, update};
 use gridfall_core::maths::linalg::{Matrix, Vector, apply};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::settings;
 
-/// Degree of the smoother's polynomial, and the part of the spectrum that it damps, [λ / RANGE, λ]. Measured: degree 4 over λ/30 takes a third
-/// less time a cycle, but twice the cycles where materials of 1e5 and 1e9 Pa meet.
+/// Degree of the smoother's polynomial, and the range of the spectrum that it damps, [λ / RANGE,
+/// λ]. Measured: degree 4 over λ/30 takes a third less time per cycle, but twice the cycles where
+/// materials of 1e5 and 1e9 Pa meet.
 pub const DEGREE: usize = 8;
 pub const RANGE: f64 = 100.0;
-/// More than the largest eigenvalue of any D⁻¹A with as many blocks a row as there can be.
+/// Above the largest eigenvalue of any D⁻¹A with the largest possible number of blocks per row.
 const BOUND: f64 = 1e3;
 
 pub enum Smoother<T, const D: usize> {
@@ -32,7 +32,7 @@ impl<T: Real, const D: usize> Smoother<T, D> {
         }
     }
 
-    /// Brings x nearer to A⁻¹ b; `from_zero` if x is zero, whatever it holds.
+    /// Brings x nearer to A⁻¹ b; `from_zero`: from x = 0, whatever `x` holds.
     pub fn smooth(
         &self,
         matrix: &Bsr<T, D>,
@@ -61,7 +61,7 @@ impl<T: Real, const D: usize> Smoother<T, D> {
     }
 }
 
-/// Room for a level's intermediate vectors.
+/// Memory for a level's intermediate vectors.
 #[derive(Default)]
 pub struct Room<T, const D: usize> {
     step: Vec<Vector<T, D>>,
@@ -84,13 +84,14 @@ impl<T: Real, const D: usize> Chebyshev<T, D> {
         Self { inverse_diagonal, degree, range, lambda }
     }
 
-    /// Doubles λ; false once that cannot be what is wrong.
+    /// Doubles λ; false once λ exceeds every possible spectrum.
     pub fn strengthen(&mut self) -> bool {
         self.lambda *= 2.0;
         self.lambda < BOUND
     }
 
-    /// Three-term recurrence (Saad, "Iterative Methods for Sparse Linear Systems", algorithm 12.1); one pass over the matrix a degree.
+    /// Three-term recurrence (Saad, "Iterative Methods for Sparse Linear Systems", algorithm 12.1);
+    /// one pass over the matrix per degree.
     pub fn smooth(
         &self,
         matrix: &Bsr<T, D>,

@@ -5,23 +5,21 @@ use super::descent::descend;
 use super::hierarchy::Embedding;
 use super::lbfgs::QuasiNewton;
 use super::newton::{Conditioning, Newton};
-use super::objective::{Field, Objective};
+use super::objective::{NodeVectors, Objective};
+use super::policy::Rules;
 use super::tolerance::Tolerance;
 use super::vcycle::Plan;
 use crate::contract::Solve;
 use gridfall_core::sim::settings::{Implicit, Method};
 
-/// Minimises E from the objective's start. Time and step of the result are the engine's to fill in.
-pub fn solve<const D: usize>(objective: &dyn Objective<D>, settings: &Implicit) -> (Field<D>, Solve) {
+/// Minimises E from the objective's start. The engine fills in time and length of the step.
+pub fn solve<const D: usize>(objective: &dyn Objective<D>, settings: &Implicit) -> (NodeVectors<D>, Solve) {
     let plan = Plan::new(settings);
     let characteristic = Tolerance::characteristic(settings.tolerance);
+    let &Implicit { tolerance, rebuild, .. } = settings;
+    let rules = Rules { tolerance, with_age: rebuild, after_failure: rebuild };
     let quasi_newton = |plan: Option<Plan>| {
-        descend(
-            objective,
-            &mut QuasiNewton::new(plan, settings.rebuild.then_some(settings.tolerance)),
-            characteristic,
-            settings.max_iterations,
-        )
+        descend(objective, &mut QuasiNewton::new(plan, rules), characteristic, settings.max_iterations)
     };
     let newton = |conditioning: Conditioning, tolerance: Tolerance| {
         descend(objective, &mut Newton::new(conditioning, tolerance), tolerance, settings.max_iterations)

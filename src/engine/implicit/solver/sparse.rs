@@ -3,12 +3,12 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::objective::{Field, LinearOperator};
+use super::objective::{LinearOperator, NodeVectors};
 use gridfall_core::maths::linalg::{Matrix, Vector, add_scaled};
 use gridfall_core::maths::real::Real;
 use gridfall_core::maths::widest::widest;
 
-/// Rows that a thread takes at a time.
+/// Rows per task of a thread.
 pub const ROWS: usize = 128;
 
 /// A square matrix of D × D blocks. Columns ascend in every row, and every row has its diagonal.
@@ -88,7 +88,7 @@ impl<const D: usize> Bsr<f64, D> {
 }
 
 impl<const D: usize> LinearOperator<D> for Bsr<f64, D> {
-    fn apply(&self, x: &Field<D>, y: &mut Field<D>) {
+    fn apply(&self, x: &NodeVectors<D>, y: &mut NodeVectors<D>) {
         self.multiply(x, y);
     }
 
@@ -111,8 +111,8 @@ widest! {
     }
 }
 
-/// Σ blocks x over the columns of a row; `entries` go on to the matrix's end. A block's row is taken as four lanes, of which those past D are
-/// multiplied by zero.
+/// Σ blocks x over the columns of a row; `entries` may extend to the end of the matrix. A block's
+/// row is taken as four lanes, of which those past D are multiplied by zero.
 #[inline(always)]
 pub fn row_times<T: Real, const D: usize>(
     columns: &[u32],

@@ -2,25 +2,28 @@
 
 use nalgebra::DMatrix;
 
-use super::objective::Field;
+use super::objective::NodeVectors;
 use super::sparse::Bsr;
 use super::verbs::{apply_blocks, axpy, dot, xpby};
 use gridfall_core::maths::linalg::{Matrix, Vector};
 use gridfall_core::maths::real::Real;
 
-/// Lanczos steps; power iteration misses the eigenvalue by enough to make the cycle diverge.
+/// Lanczos steps; power iteration underestimates the eigenvalue by enough to make the cycle
+/// diverge.
 const STEPS: usize = 12;
-/// By how much the largest Ritz value is raised.
+/// Factor by which the largest Ritz value is raised.
 const MARGIN: f64 = 1.1;
 
-/// 1.1 × the largest Ritz value of 12 Lanczos steps, D the diagonal blocks. Lanczos' tridiagonal matrix is read off conjugate gradients.
+/// 1.1 × the largest Ritz value of 12 Lanczos steps, D the diagonal blocks. Lanczos' tridiagonal
+/// matrix is read off conjugate gradients.
 pub fn largest_eigenvalue<T: Real, const D: usize>(matrix: &Bsr<T, D>, inverse_diagonal: &[Matrix<T, D>]) -> f64 {
     let n = matrix.rows();
-    let wide = |v: &[Vector<T, D>]| -> Field<D> { v.iter().map(|v| v.map(|x| x.to_f64())).collect() };
+    let wide = |v: &[Vector<T, D>]| -> NodeVectors<D> { v.iter().map(|v| v.map(|x| x.to_f64())).collect() };
     let mut r: Vec<Vector<T, D>> = (0..n).map(|i| std::array::from_fn(|a| noise((D * i + a) as u64))).collect();
     let mut z = vec![[T::ZERO; D]; n];
     let mut ap = z.clone();
-    // A right-hand side D × noise is noise in the eigenbasis of D⁻¹A, whatever the scales of the nodes.
+    // A right-hand side D × noise is noise in the eigenbasis of D⁻¹A, whatever the scales of the
+    // nodes.
     matrix.multiply(&r, &mut ap);
     r.copy_from_slice(&ap);
     apply_blocks(inverse_diagonal, &r, &mut z);
@@ -53,7 +56,7 @@ pub fn largest_eigenvalue<T: Real, const D: usize>(matrix: &Bsr<T, D>, inverse_d
     MARGIN * tridiagonal.view((0, 0), (steps, steps)).into_owned().symmetric_eigenvalues().max()
 }
 
-/// A fixed number in [−1, 1) for every place.
+/// A fixed pseudo-random number in [−1, 1) for every place.
 fn noise<T: Real>(place: u64) -> T {
     // SplitMix64's finaliser (Steele, Lea & Flood 2014).
     let mut x = place.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);

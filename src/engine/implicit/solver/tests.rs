@@ -7,9 +7,9 @@ use rand_chacha::ChaCha8Rng;
 use super::fixture::{Body, Recipe};
 use super::galerkin::galerkin;
 use super::gauss_seidel::{GaussSeidel, SymmetricGaussSeidel};
-use super::hierarchy::{Embedding, Nodes, Transfer};
+use super::hierarchy::{Embedding, Nodes, Prolongation};
 use super::krylov::{BlockJacobi, Preconditioner, conjugate_gradients};
-use super::objective::{Field, Objective};
+use super::objective::{NodeVectors, Objective};
 use super::solve::solve;
 use super::sparse::Bsr;
 use super::tolerance::residual;
@@ -24,10 +24,13 @@ const FLAT: Recipe<2> =
     Recipe { cells: [18, 12], youngs: [1e5, 1e9], dual: false, sliding: true, period: [None; 2], seed: 12 };
 
 /// P as a dense matrix.
-fn dense_prolongation<const D: usize>(transfer: &Transfer<D>, projections: &[Option<Matrix<f64, D>>]) -> DMatrix<f64> {
-    let mut p = DMatrix::zeros(D * transfer.parents.rows(), D * transfer.children.rows());
-    for i in 0..transfer.parents.rows() {
-        for (j, w) in transfer.parents.row(i) {
+fn dense_prolongation<const D: usize>(
+    prolongation: &Prolongation<D>,
+    projections: &[Option<Matrix<f64, D>>],
+) -> DMatrix<f64> {
+    let mut p = DMatrix::zeros(D * prolongation.parents.rows(), D * prolongation.children.rows());
+    for i in 0..prolongation.parents.rows() {
+        for (j, w) in prolongation.parents.row(i) {
             for a in 0..D {
                 for b in 0..D {
                     let s = projections[i].map_or(if a == b { 1.0 } else { 0.0 }, |s| s[a][b]);
@@ -39,7 +42,7 @@ fn dense_prolongation<const D: usize>(transfer: &Transfer<D>, projections: &[Opt
     p
 }
 
-fn random_field<const D: usize>(nodes: usize, seed: u64) -> Field<D> {
+fn random_field<const D: usize>(nodes: usize, seed: u64) -> NodeVectors<D> {
     println!("seed {seed}");
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     (0..nodes).map(|_| std::array::from_fn(|_| rng.random_range(-1.0..1.0))).collect()
@@ -53,17 +56,18 @@ fn nodes<const D: usize>(body: &Body<D>) -> Nodes<D> {
     Nodes { ids: body.nodes().to_vec(), period: body.period() }
 }
 
-/// R H P against the dense product on two successive levels, sliding nodes and completed blocks included.
+/// R H P against the dense product on two successive levels, sliding nodes and completed blocks
+/// included.
 fn check_galerkin<const D: usize>(recipe: Recipe<D>, embedding: Embedding) {
     let body = Body::new(recipe);
     let mut nodes = nodes(&body);
     let mut projections = projections(&body);
     let mut matrix = body.hessian(&body.start());
     for _ in 0..2 {
-        let (coarse_nodes, transfer) = nodes.coarsen(embedding);
+        let (coarse_nodes, prolongation) = nodes.coarsen(embedding);
         assert!(coarse_nodes.ids.len() < nodes.ids.len());
-        let coarse = galerkin(&matrix, &projections, &transfer);
-        let p = dense_prolongation(&transfer, &projections);
+        let coarse = galerkin(&matrix, &projections, &prolongation);
+        let p = dense_prolongation(&prolongation, &projections);
         let mut expected = p.transpose() * matrix.to_dense() * &p;
         for (j, s) in coarse.projections.iter().enumerate() {
             if let Some(s) = s {
@@ -122,13 +126,13 @@ fn products_are_the_dense_ones() {
 fn restriction_is_prolongation_transposed() {
     let body = Body::new(SOLID);
     let projections = projections(&body);
-    let (coarse, transfer) = nodes(&body).coarsen(Embedding::Linear);
+    let (coarse, prolongation) = nodes(&body).coarsen(Embedding::Linear);
     let (mut r, x) = (random_field::<3>(projections.len(), 2), random_field::<3>(coarse.ids.len(), 3));
-    let mut prolonged: Field<3> = vec![[0.0; 3]; r.len()];
-    transfer.prolong(&projections, &x, &mut r.clone(), &mut prolonged);
+    let mut prolonged: NodeVectors<3> = vec![[0.0; 3]; r.len()];
+    prolongation.prolong(&projections, &x, &mut r.clone(), &mut prolonged);
     let right = dot(&prolonged, &r);
     let mut restricted = x.clone();
-    transfer.restrict(&projections, &mut r, &mut restricted);
+    prolongation.restrict(&projections, &mut r, &mut restricted);
     let left = dot(&x, &restricted);
     assert!((left - right).abs() < 1e-12 * norm(&x) * norm(&restricted), "{left} {right}");
 }
@@ -137,7 +141,7 @@ fn restriction_is_prolongation_transposed() {
 fn dense_operator<const D: usize>(operator: &mut dyn Preconditioner<D>, nodes: usize) -> DMatrix<f64> {
     let mut dense = DMatrix::zeros(D * nodes, D * nodes);
     for k in 0..D * nodes {
-        let mut unit: Field<D> = vec![[0.0; D]; nodes];
+        let mut unit: NodeVectors<D> = vec![[0.0; D]; nodes];
         unit[k / D][k % D] = 1.0;
         let mut column = unit.clone();
         operator.apply(&unit, &mut column);
@@ -157,7 +161,8 @@ fn plan(smoother: Smoother, coarse_solve: CoarseSolve) -> Plan {
     Plan::new(&Implicit { smoother, coarse_solve, ..Implicit::default() })
 }
 
-/// With a fixed coarse solve the cycle is symmetric and positive definite, also in directions in which sliding nodes may move.
+/// With a fixed coarse solve the cycle is symmetric and positive definite, also in directions in
+/// which sliding nodes may move.
 #[test]
 fn cycle_is_symmetric_and_positive_definite() {
     let body = Body::new(Recipe { cells: [5, 3, 3], ..SOLID });
@@ -171,13 +176,15 @@ fn cycle_is_symmetric_and_positive_definite() {
         let eigenvalues = (0.5 * (&dense + dense.transpose())).symmetric_eigenvalues();
         assert!(eigenvalues.min() > 0.0, "{smoother:?}: {:e}", eigenvalues.min());
     }
-    // The published coarse solve stops at a tolerance, so that the cycle is not even linear; the test above would see it.
+    // The published coarse solve stops at a tolerance, so that the cycle is not even linear; the
+    // test above would see it.
     let adaptive = plan(Smoother::GaussSeidel, CoarseSolve::Adaptive);
     let mut cycle = VCycle::<f64, 3>::new(&body, &dv, &matrix, &adaptive);
     assert!(asymmetry(&dense_operator(&mut cycle, matrix.rows())) > 1e-9);
 }
 
-/// A forward sweep alone is no symmetric operator: the planted error that the test of symmetry must catch.
+/// A forward sweep alone is no symmetric operator: the planted error that the test of symmetry must
+/// catch.
 #[test]
 fn symmetric_sweeps_are_symmetric_and_others_are_not() {
     let body = Body::new(Recipe { cells: [5, 3, 3], ..SOLID });
@@ -196,7 +203,11 @@ fn symmetric_sweeps_are_symmetric_and_others_are_not() {
     assert!(asymmetry(&dense) > 1e-9, "{:e}", asymmetry(&dense));
 }
 
-fn iterations<const D: usize>(matrix: &Bsr<f64, D>, b: &Field<D>, preconditioner: &mut dyn Preconditioner<D>) -> u32 {
+fn iterations<const D: usize>(
+    matrix: &Bsr<f64, D>,
+    b: &NodeVectors<D>,
+    preconditioner: &mut dyn Preconditioner<D>,
+) -> u32 {
     let mut x = b.clone();
     conjugate_gradients(matrix, preconditioner, b, &mut x, |start| 1e-8 * start)
 }

@@ -1,11 +1,12 @@
 //! When a step has converged, and how accurately linear systems are solved on the way.
 
-use super::objective::{Field, Objective};
+use super::objective::{NodeVectors, Objective};
 use super::verbs::{norm, scaled_norm};
 
-/// L2 norm of the gradient at which Gast et al. stop (kg m/s), as chosen for all scenes in HOT §7.1, where the other methods stop at ε = 1e-7.
+/// L2 norm of the gradient at which Gast et al. stop (kg m/s), as chosen for all scenes in HOT
+/// §7.1, where the other methods stop at ε = 1e-7.
 const GLOBAL: f64 = 1e-3;
-/// The ε to which [`GLOBAL`] belongs; with another ε it changes in proportion.
+/// The ε to which [`GLOBAL`] belongs; it scales in proportion with ε.
 const REFERENCE: f64 = 1e-7;
 
 /// The stopping test.
@@ -29,17 +30,23 @@ impl Tolerance {
     }
 
     /// Whether a gradient, whose residual in the characteristic norm is given, is small enough.
-    pub fn reached<const D: usize>(&self, gradient: &Field<D>, residual: f64) -> bool {
+    pub fn reached<const D: usize>(&self, gradient: &NodeVectors<D>, residual: f64) -> bool {
         match *self {
             Self::Characteristic(epsilon) => residual <= epsilon,
             Self::Global(tolerance) => norm(gradient) <= tolerance,
         }
     }
 
-    /// By how much a Newton step's linear solver shall reduce sqrt(rᵀP r), P the preconditioner, from what it is at its start:
-    /// min(½, sqrt(max(size, τ))). For the characteristic norm size = sqrt(rᵀP r) and τ belongs to the stiffest material of the scene
-    /// (HOT §5.3); Gast et al. take the plain norm and tolerance.
-    pub fn reduction<const D: usize>(&self, objective: &dyn Objective<D>, gradient: &Field<D>, start: f64) -> f64 {
+    /// Factor by which a Newton step's linear solver shall reduce sqrt(rᵀP r), P the
+    /// preconditioner, relative to its start: min(½, sqrt(max(size, τ))). For the characteristic
+    /// norm size = sqrt(rᵀP r) and τ belongs to the stiffest material of the scene (HOT §5.3); Gast
+    /// et al. take the plain norm and tolerance.
+    pub fn reduction<const D: usize>(
+        &self,
+        objective: &dyn Objective<D>,
+        gradient: &NodeVectors<D>,
+        start: f64,
+    ) -> f64 {
         let size_and_tau = match *self {
             Self::Characteristic(epsilon) => {
                 let stiffest = objective.scales().iter().fold(0.0f64, |m, &s| m.max(s));
@@ -52,6 +59,6 @@ impl Tolerance {
 }
 
 /// sqrt(Σ |g_i|²/scale_i² / n), which is at most ε when converged.
-pub fn residual<const D: usize>(objective: &dyn Objective<D>, gradient: &Field<D>) -> f64 {
+pub fn residual<const D: usize>(objective: &dyn Objective<D>, gradient: &NodeVectors<D>) -> f64 {
     scaled_norm(gradient, objective.scales())
 }

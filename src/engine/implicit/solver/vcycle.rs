@@ -1,13 +1,14 @@
 //! One V-cycle as an approximate inverse (HOT algorithm 2).
 //!
-//! With a fixed coarse solve it is linear, symmetric and positive definite. Matrices and vectors of the cycle are in `T`. f32 would halve the memory
-//! traffic, but loses the inertia of rigid motions where dt² E / ρ dx² nears 10⁷: aluminium in steps of 1/24 s then took nine times the iterations.
+//! With a fixed coarse solve it is linear, symmetric and positive definite. Matrices and vectors of
+//! the cycle are in `T`. f32 would halve the memory traffic, but loses the inertia of rigid motions
+//! where dt² E / ρ dx² nears 10⁷: aluminium in steps of 1/24 s then took nine times the iterations.
 
 use super::coarse::Coarsest;
 use super::galerkin::galerkin;
-use super::hierarchy::{Embedding, Nodes, Transfer};
+use super::hierarchy::{Embedding, Nodes, Prolongation};
 use super::krylov::Preconditioner;
-use super::objective::{Field, Objective};
+use super::objective::{NodeVectors, Objective};
 use super::smoother::{Room, Smoother, residual};
 use super::sparse::Bsr;
 use super::verbs::update;
@@ -15,17 +16,17 @@ use gridfall_core::maths::linalg::{Matrix, Vector};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::settings::{CoarseSolve, Implicit, Smoother as SmootherKind};
 
-/// Nodes below which no further level is worth making.
+/// Nodes below which no further level pays.
 const FEWEST_NODES: usize = 16;
 
-/// How the hierarchy is made.
+/// How the hierarchy is built.
 #[derive(Clone, Copy, Debug)]
 pub struct Plan {
     pub levels: u32,
     pub embedding: Embedding,
     pub smoother: SmootherKind,
     pub coarse_solve: CoarseSolve,
-    /// Coarse matrices from particle quadrature instead of R H P.
+    /// Coarse matrices by particle quadrature instead of R H P.
     pub geometric: bool,
 }
 
@@ -41,7 +42,7 @@ impl Plan {
 struct Level<T, const D: usize> {
     matrix: Bsr<T, D>,
     projections: Vec<Option<Matrix<T, D>>>,
-    transfer: Transfer<D>,
+    prolongation: Prolongation<D>,
     smoother: Smoother<T, D>,
     b: Vec<Vector<T, D>>,
     x: Vec<Vector<T, D>>,
@@ -60,26 +61,26 @@ pub struct VCycle<T, const D: usize> {
 
 impl<T: Real, const D: usize> VCycle<T, D> {
     /// The hierarchy over the Hessian at Δv.
-    pub fn new(objective: &dyn Objective<D>, dv: &Field<D>, finest: &Bsr<f64, D>, plan: &Plan) -> Self {
+    pub fn new(objective: &dyn Objective<D>, dv: &NodeVectors<D>, finest: &Bsr<f64, D>, plan: &Plan) -> Self {
         let mut nodes = Nodes { ids: objective.nodes().to_vec(), period: objective.period() };
         let mut projections: Vec<_> = objective.freedoms().iter().map(|freedom| freedom.projection()).collect();
         let mut coarser: Option<Bsr<f64, D>> = None;
         let mut levels = Vec::new();
         while (levels.len() as u32) + 1 < plan.levels && nodes.ids.len() > FEWEST_NODES {
             let matrix = coarser.as_ref().unwrap_or(finest);
-            let (coarse_nodes, transfer, coarse) = if plan.geometric {
+            let (coarse_nodes, prolongation, coarse) = if plan.geometric {
                 let (ids, matrix) = objective.coarse_hessian(dv, levels.len() as u32 + 1);
                 let coarse_nodes = Nodes { ids, period: nodes.coarsen(plan.embedding).0.period };
-                let transfer = nodes.transfer(&coarse_nodes, plan.embedding);
+                let prolongation = nodes.prolongation(&coarse_nodes, plan.embedding);
                 let free = vec![None; coarse_nodes.ids.len()];
-                (coarse_nodes, transfer, (matrix, free))
+                (coarse_nodes, prolongation, (matrix, free))
             } else {
-                let (coarse_nodes, transfer) = nodes.coarsen(plan.embedding);
+                let (coarse_nodes, prolongation) = nodes.coarsen(plan.embedding);
                 if coarse_nodes.ids.len() == nodes.ids.len() {
                     break;
                 }
-                let coarse = galerkin(matrix, &projections, &transfer);
-                (coarse_nodes, transfer, (coarse.matrix, coarse.projections))
+                let coarse = galerkin(matrix, &projections, &prolongation);
+                (coarse_nodes, prolongation, (coarse.matrix, coarse.projections))
             };
             let fine = matrix.cast::<T>();
             let narrow = |s: &Matrix<f64, D>| s.map(|row| row.map(T::from_f64));
@@ -88,7 +89,7 @@ impl<T: Real, const D: usize> VCycle<T, D> {
                 smoother: Smoother::new(plan.smoother, &fine, &nodes),
                 matrix: fine,
                 projections: projections.iter().map(|s| s.as_ref().map(narrow)).collect(),
-                transfer,
+                prolongation,
                 b: zeros.clone(),
                 x: zeros.clone(),
                 r: zeros.clone(),
@@ -107,7 +108,7 @@ impl<T: Real, const D: usize> VCycle<T, D> {
         self.levels.len() as u32 + 1
     }
 
-    /// Down and up for the right-hand side of the first level, whose x holds the answer.
+    /// One cycle for the right-hand side of the first level, whose x then holds the result.
     fn cycle(&mut self) {
         let depth = self.levels.len();
         let adaptive = self.coarsest.is_adaptive();
@@ -123,28 +124,28 @@ impl<T: Real, const D: usize> VCycle<T, D> {
             };
             level.smoother.smooth(&level.matrix, &level.b, &mut level.x, true, &mut level.room);
             residual(&level.matrix, &level.b, &level.x, &mut level.r);
-            level.transfer.restrict(&level.projections, &mut level.r, b);
+            level.prolongation.restrict(&level.projections, &mut level.r, b);
             if adaptive {
-                level.transfer.restrict(&level.projections, &mut level.straight, straight);
+                level.prolongation.restrict(&level.projections, &mut level.straight, straight);
             }
         }
-        let wide = |v: &[Vector<T, D>]| -> Field<D> { v.iter().map(|v| v.map(|x| x.to_f64())).collect() };
-        let mut coarse_x: Field<D> = vec![[0.0; D]; self.coarse_nodes];
+        let wide = |v: &[Vector<T, D>]| -> NodeVectors<D> { v.iter().map(|v| v.map(|x| x.to_f64())).collect() };
+        let mut coarse_x: NodeVectors<D> = vec![[0.0; D]; self.coarse_nodes];
         self.coarsest.solve(&wide(&coarse_b), &wide(&coarse_straight), &mut coarse_x);
         let coarse_x: Vec<Vector<T, D>> = coarse_x.iter().map(|v| v.map(T::from_f64)).collect();
         for l in (0..depth).rev() {
             let (above, below) = self.levels.split_at_mut(l + 1);
             let level = &mut above[l];
             let coarse = below.first().map_or(&coarse_x, |next| &next.x);
-            level.transfer.prolong(&level.projections, coarse, &mut level.r, &mut level.x);
+            level.prolongation.prolong(&level.projections, coarse, &mut level.r, &mut level.x);
             level.smoother.smooth(&level.matrix, &level.b, &mut level.x, false, &mut level.room);
         }
     }
 }
 
 impl<T: Real, const D: usize> Preconditioner<D> for VCycle<T, D> {
-    fn apply(&mut self, r: &Field<D>, z: &mut Field<D>) -> u32 {
-        // f32 has few digits but also a short range: the right-hand side is brought to about 1.
+    fn apply(&mut self, r: &NodeVectors<D>, z: &mut NodeVectors<D>) -> u32 {
+        // f32 also has a short range: the right-hand side is scaled to about 1.
         let largest = r.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
         let scale = if largest > 0.0 { largest } else { 1.0 };
         if self.levels.is_empty() {

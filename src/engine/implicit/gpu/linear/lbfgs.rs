@@ -1,5 +1,5 @@
-//! L-BFGS and its line search as dispatches: the two-loop recursion around the V-cycle, tries, and the step to the one that was accepted. All
-//! scalars stay on the device.
+//! L-BFGS and its line search as dispatches: the two-loop recursion around the V-cycle, tries, and
+//! the step to the one that was accepted. All scalars stay on the device.
 
 use std::collections::VecDeque;
 
@@ -141,7 +141,7 @@ impl Lbfgs {
         program.push_whole(tools, Kernel::Measure, &bound, finest.by_sum());
     }
 
-    /// What is to be said of the trial once it is evaluated.
+    /// The verdict on the trial once it is evaluated.
     pub fn judge(&self, tools: Tools, system: &System, hierarchy: &Hierarchy) -> Program {
         let mut program = Program::default();
         self.measure(&mut program, tools, system, hierarchy);
@@ -194,7 +194,8 @@ mod tests {
     use gridfall_core::sim::settings::Implicit;
     use gridfall_core::sim::setup::Kernel;
 
-    /// The recursion in f64 with the V-cycle's answer given, against the device's; and a wrong order of pairs must show.
+    /// The recursion in f64 with the V-cycle's answer given, against the device's; and a wrong
+    /// order of pairs must show.
     #[test]
     fn two_loop_recursion() {
         let seed = 77;

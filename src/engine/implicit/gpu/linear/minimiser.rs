@@ -1,4 +1,5 @@
-//! The minimisation of a step: L-BFGS around one V-cycle (HOT algorithm 3). The device decides, the host reads one small state an iteration.
+//! The minimisation of a step: L-BFGS around one V-cycle (HOT algorithm 3). The device decides; the
+//! host reads one small state per iteration.
 
 use super::hierarchy::Hierarchy;
 use super::kernels::{Pipelines, Program, Tools};
@@ -8,22 +9,20 @@ use crate::contract::{EngineError, Solve};
 use crate::explicit::gpu::readback::read;
 use crate::gpu::device::Gpu;
 use crate::implicit::gpu::interface::{Evaluate, System};
-use crate::implicit::solver::lbfgs::outlived;
+use crate::implicit::solver::policy::{Lifetime, Model, Progress, Retreat, Rules};
 use gridfall_core::sim::settings::Implicit;
 use gridfall_core::sim::setup::Kernel;
 
-/// Tries of the line search that are recorded at once: nearly always the first does.
+/// Tries of the line search that are recorded at once: nearly always the first succeeds.
 const TRIES: u32 = 2;
-/// Halvings before a direction is given up: 2⁻²⁴ of it is a rounding.
+/// Halvings before a direction is given up: 2⁻²⁴ of it is below rounding.
 const MAX_HALVINGS: u32 = 24;
-/// Part of E that it must fall by to count as progress: more than the roundings of its sum.
-const PROGRESS: f64 = 32.0 * f32::EPSILON as f64;
-/// Iterations without progress in energy or residual after which rounding is all that is left.
-const STALLED: u32 = 8;
+/// Part of E that is rounding of its sum.
+const NOISE: f64 = 32.0 * f32::EPSILON as f64;
 /// More than any spectrum of a block-scaled matrix needs.
 const MAX_STRETCH: f32 = 256.0;
 
-/// Minimises the objectives of one scene's steps, and keeps device memory from one to the next.
+/// Minimises the objectives of one scene's steps, and keeps its device memory from one to the next.
 pub struct Minimiser {
     pipelines: Pipelines,
     settings: Implicit,
@@ -36,11 +35,13 @@ impl Minimiser {
         Self { pipelines: Pipelines::new(kernel), settings, hierarchy: None, lbfgs: None }
     }
 
-    /// From `system.dv` to the minimum, there. Time and step of the result are the engine's to fill in; its residual is infinite if the
-    /// objective is not finite at the start. Where rounding keeps the residual above the tolerance, the result says so: not converged, and
-    /// the residual that was reached.
+    /// From `system.dv` to the minimum, there. The engine fills in time and length of the step. The
+    /// residual is infinite if the objective is not finite at the start. Where rounding keeps the
+    /// residual above the tolerance, the result says so: not converged, and the residual that was
+    /// reached.
     ///
-    /// Errors: [`EngineError::Capacity`] when the hierarchy does not fit the device, [`EngineError::DeviceLost`].
+    /// Errors: [`EngineError::Capacity`] when the hierarchy does not fit the device,
+    /// [`EngineError::DeviceLost`].
     pub fn minimise(&mut self, gpu: &Gpu, system: &System, evaluate: &dyn Evaluate) -> Result<Solve, EngineError> {
         let mut solve = Solve { levels: 1, ..Solve::default() };
         if system.rows == 0 {
@@ -84,45 +85,44 @@ impl Run<'_> {
             return Ok(());
         }
         solve.residual = residual(&at);
-        let (mut least, mut stalled, mut stretch) = (solve.residual, 0, 1.0);
-        let (mut age, mut replaced) = (0, 0);
+        let mut progress = Progress::new(NOISE, solve.residual);
+        // A failure is mostly rounding here, which no model of the Hessian mends.
+        let &Implicit { tolerance, rebuild, .. } = settings;
+        let mut lifetime = Lifetime::new(Rules { tolerance, with_age: rebuild, after_failure: false });
+        let mut stretch = 1.0;
         loop {
-            solve.converged = solve.residual <= settings.tolerance;
-            if solve.converged || solve.iterations >= settings.max_iterations || stalled >= STALLED {
+            solve.converged = solve.residual <= tolerance;
+            if solve.converged || solve.iterations >= settings.max_iterations || progress.has_stalled() {
                 return Ok(());
             }
-            if settings.rebuild && outlived(age, replaced, solve.residual / settings.tolerance) {
+            if let Model::New { forget } = lifetime.iterate(solve.residual) {
                 self.rebuild()?;
-                if replaced == 0 {
+                if forget {
                     self.lbfgs.clear();
                 }
-                (age, replaced) = (0, replaced + 1);
             }
-            age += 1;
             solve.iterations += 1;
             solve.inner_iterations += 1;
             let next = self.iterate()?;
             solve.halvings += next.halvings;
             if next.flags & ACCEPTED == 0 {
-                // The next direction is more cautious, as long as there is one.
-                if self.lbfgs.clear() {
-                    continue;
+                match lifetime.retreat(self.lbfgs.clear(), next.flags & INDEFINITE == 0) {
+                    Retreat::Forget => {}
+                    Retreat::Rebuild => self.rebuild()?,
+                    Retreat::Strengthen if stretch < MAX_STRETCH => {
+                        stretch *= 2.0;
+                        self.hierarchy.set_stretch(self.tools, stretch);
+                        self.hierarchy.polynomials.submit(self.tools.gpu)?;
+                    }
+                    Retreat::Strengthen | Retreat::GiveUp => return Ok(()),
                 }
-                stretch *= 2.0;
-                if next.flags & INDEFINITE == 0 || stretch > MAX_STRETCH {
-                    return Ok(());
-                }
-                self.hierarchy.set_stretch(self.tools, stretch);
-                self.hierarchy.polynomials.submit(self.tools.gpu)?;
                 continue;
             }
             if next.flags & DROPPED == 0 {
                 self.lbfgs.keep();
             }
             solve.residual = residual(&next);
-            let progress = energy(&at) - energy(&next) > PROGRESS * energy(&at).abs() || solve.residual < least;
-            stalled = if progress { 0 } else { stalled + 1 };
-            least = least.min(solve.residual);
+            progress.note(energy(&at), energy(&next), solve.residual);
             at = next;
         }
     }
@@ -130,19 +130,19 @@ impl Run<'_> {
     /// Evaluates at the start, with the matrices there.
     fn start(&self) -> Result<layout::State, EngineError> {
         let Tools { gpu, .. } = self.tools;
-        self.evaluate_anew(Some(&self.lbfgs.adopt(self.tools, self.system, self.hierarchy)))?;
+        self.evaluate_with_matrices(Some(&self.lbfgs.adopt(self.tools, self.system, self.hierarchy)))?;
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         encoder.copy_buffer_to_buffer(&self.system.gradient, 0, &self.lbfgs.g, 0, None);
         gpu.queue.submit([encoder.finish()]);
         self.state()
     }
 
-    /// Makes the matrices anew where the minimisation stands.
+    /// Rebuilds the matrices where the minimisation stands.
     fn rebuild(&self) -> Result<(), EngineError> {
-        self.evaluate_anew(None)
+        self.evaluate_with_matrices(None)
     }
 
-    fn evaluate_anew(&self, then: Option<&Program>) -> Result<(), EngineError> {
+    fn evaluate_with_matrices(&self, then: Option<&Program>) -> Result<(), EngineError> {
         let (gpu, system) = (self.tools.gpu, self.system);
         gpu.queue.write_buffer(&system.control, 0, &[0; 16]);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());

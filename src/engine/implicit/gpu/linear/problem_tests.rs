@@ -12,7 +12,7 @@ use crate::implicit::gpu::interface::{NO_NODE, System, slots};
 use crate::implicit::physics::discretisation::Discretisation;
 use crate::implicit::physics::potential::Potential;
 use crate::implicit::physics::state::setups;
-use crate::implicit::solver::objective::{Field, Freedom, NodeId, Objective};
+use crate::implicit::solver::objective::{Freedom, NodeId, NodeVectors, Objective};
 use crate::implicit::solver::sparse::Bsr;
 use gridfall_core::sim::setup::{Kernel, Problem};
 use gridfall_scene::{self as scene, Limits};
@@ -50,7 +50,7 @@ pub struct Sample {
     pub matrix: Bsr<f64, 3>,
     pub masses: Vec<f64>,
     pub scales: Vec<f64>,
-    pub start: Field<3>,
+    pub start: NodeVectors<3>,
 }
 
 impl Sample {
@@ -180,7 +180,7 @@ pub fn prolongation(fine: &[NodeId<3>], coarse: &[NodeId<3>], period: [i32; 3], 
 }
 
 /// A field as one vector, node by node.
-pub fn dense(field: &Field<3>) -> DVector<f64> {
+pub fn dense(field: &NodeVectors<3>) -> DVector<f64> {
     DVector::from_iterator(3 * field.len(), field.iter().flatten().copied())
 }
 

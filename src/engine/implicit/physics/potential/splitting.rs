@@ -1,21 +1,23 @@
-//! Deformations set apart from the nodes, for alternating directions (Fang et al. 2019, "Silly Rubber").
+//! Deformations as variables of their own, for alternating directions (Fang et al. 2019, "Silly
+//! Rubber").
 
 use rayon::prelude::*;
 
 use super::Potential;
 use crate::implicit::physics::assembly;
-use crate::implicit::solver::krylov::inverse;
-use crate::implicit::solver::objective::{Field, Objective, Splitting};
+use crate::implicit::solver::objective::{NodeVectors, Objective, Splitting};
 use crate::implicit::solver::sparse::Bsr;
+use crate::implicit::solver::verbs::inverse;
 use gridfall_core::material::{Law, Tensor4};
 use gridfall_core::maths::linalg::{Matrix, Vector, apply, det, dot, mul_transpose};
 use gridfall_core::maths::svd::svd;
 
-/// Newton steps of a particle's own minimisation, and the part of its stiffness below which the gradient counts as zero.
+/// Newton steps of a particle's own minimisation, and the part of its stiffness below which the
+/// gradient counts as zero.
 const STEPS: usize = 30;
 const EXACT: f64 = 1e-12;
 
-/// The potential as alternating directions see it.
+/// The potential for alternating directions.
 pub struct Split<'a, const D: usize>(pub &'a Potential<'a, D>);
 
 impl<const D: usize> Split<'_, D> {
@@ -30,8 +32,8 @@ impl<const D: usize> Split<'_, D> {
 }
 
 impl<const D: usize> Splitting<D> for Split<'_, D> {
-    fn deformations(&self, dv: &Field<D>) -> Vec<Matrix<f64, D>> {
-        let velocities = self.0.velocities(dv);
+    fn deformations(&self, dv: &NodeVectors<D>) -> Vec<Matrix<f64, D>> {
+        let velocities = self.0.step.velocities(dv);
         let of_group = |group: usize| {
             let mut found = Vec::new();
             self.0.with_values(group, &velocities, |p, local| found.push(self.0.deformed(p, local)));
@@ -49,7 +51,7 @@ impl<const D: usize> Splitting<D> for Split<'_, D> {
         targets.par_iter().enumerate().with_min_len(64).map(of_particle).collect()
     }
 
-    fn gradient(&self, dv: &Field<D>, targets: &[Matrix<f64, D>]) -> Field<D> {
+    fn gradient(&self, dv: &NodeVectors<D>, targets: &[Matrix<f64, D>]) -> NodeVectors<D> {
         let dt = self.0.step.dt;
         let stress = |(p, (f, target)): (usize, (&Matrix<f64, D>, &Matrix<f64, D>))| {
             let factor = dt * self.weight(p);
@@ -57,7 +59,7 @@ impl<const D: usize> Splitting<D> for Split<'_, D> {
             mul_transpose(&pull, &self.0.step.state.f[p])
         };
         let stresses: Vec<_> = self.deformations(dv).iter().zip(targets).enumerate().map(stress).collect();
-        let velocities = self.0.velocities(dv);
+        let velocities = self.0.step.velocities(dv);
         let mut forces = self.0.forces(&velocities, &stresses);
         self.0.complete(&velocities, &mut forces);
         forces
@@ -84,7 +86,8 @@ impl<const D: usize> Splitting<D> for Split<'_, D> {
     }
 }
 
-/// argmin of ψ(Z) + ½ k |Z − A|², k the stiffness at rest. Z has A's singular vectors, so that its singular values alone are sought.
+/// argmin of ψ(Z) + ½ k |Z − A|², k the stiffness at rest. Z has A's singular vectors, so that only
+/// its singular values are unknown.
 fn proximal<const D: usize>(law: &Law<f64>, plastic: f64, target: &Matrix<f64, D>) -> Matrix<f64, D> {
     let k = law.stiffness_at_rest();
     let at = svd(target);

@@ -1,4 +1,5 @@
-//! The step's objective against itself: gradient and Hessian against differences, the matrix against the product without one.
+//! The step's objective against itself: gradient and Hessian against differences, the matrix
+//! against the product without one.
 
 use rand::{Rng, SeedableRng, rngs::StdRng};
 
@@ -6,7 +7,7 @@ use super::{Potential, project};
 use crate::contract::NoControl;
 use crate::implicit::physics::discretisation::Discretisation;
 use crate::implicit::physics::state::{BodySetup, setups};
-use crate::implicit::solver::objective::{Field, Objective};
+use crate::implicit::solver::objective::{NodeVectors, Objective};
 use crate::implicit::solver::solve;
 use crate::implicit::solver::verbs::{difference, norm};
 use gridfall_core::maths::linalg::dot;
@@ -17,22 +18,30 @@ use gridfall_scene::{self as scene, Limits};
 const SEED: u64 = 20261122;
 const DT_S: f64 = 0.01;
 
-/// A slab of two materials on a slip floor and against a slip wall, in the grip of a turning block, with random F, v and B.
+/// A slab of two materials on a slip floor and against a slip wall, in the grip of a turning block,
+/// with random F, v and B.
 fn problem(dimension: usize, kernel: &str, transfer: &str, random: &mut StdRng) -> Problem {
     let three = |x: &str| if dimension == 3 { x.to_owned() } else { String::new() };
     let json = format!(
         r#"{{ "gridfall": 1, "name": "slab", "dimension": {dimension},
-        "domain": {{ "min": [0, 0{z}], "max": [0.8, 0.8{one}], "dx": 0.1, "boundary": {{ "x-": {{ "contact": "slip" }}, "y-": {{ "contact": "slip" }} }} }},
+        "domain": {{ "min": [0, 0{z}], "max": [0.8, 0.8{one}], "dx": 0.1,
+          "boundary": {{ "x-": {{ "contact": "slip" }}, "y-": {{ "contact": "slip" }} }} }},
         "gravity": [1, -9.81{z}],
-        "materials": {{ "soft": {{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 }},
-                        "stiff": {{ "model": "neo-hookean", "density": 2000, "youngs_modulus": 1e7, "poissons_ratio": 0.4 }} }},
+        "materials": {{ "soft": {{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5,
+          "poissons_ratio": 0.3 }},
+                        "stiff": {{ "model": "neo-hookean", "density": 2000, "youngs_modulus": 1e7,
+                          "poissons_ratio": 0.4 }} }},
         "bodies": [
-          {{ "name": "a", "material": "soft", "sampling": "jittered", "shape": {{ "box": {{ "min": [0, 0{two}], "max": [0.2, 0.3{four}] }} }} }},
-          {{ "name": "b", "material": "stiff", "sampling": "jittered", "shape": {{ "box": {{ "min": [0.2, 0{two}], "max": [0.4, 0.3{four}] }} }} }} ],
-        "colliders": [ {{ "name": "grip", "contact": "sticky", "shape": {{ "box": {{ "min": [0, 0.26{z}], "max": [0.8, 0.8{one}] }} }},
+          {{ "name": "a", "material": "soft", "sampling": "jittered",
+            "shape": {{ "box": {{ "min": [0, 0{two}], "max": [0.2, 0.3{four}] }} }} }},
+          {{ "name": "b", "material": "stiff", "sampling": "jittered",
+            "shape": {{ "box": {{ "min": [0.2, 0{two}], "max": [0.4, 0.3{four}] }} }} }} ],
+        "colliders": [ {{ "name": "grip", "contact": "sticky", "shape": {{ "box": {{ "min": [0, 0.26{z}],
+          "max": [0.8, 0.8{one}] }} }},
                           "motion": {{ "angular_velocity": [{spin}], "center": [0.2, 0.3{z}] }} }} ],
         "time": {{ "end": 1, "frame_rate": 10 }},
-        "solver": {{ "integrator": "implicit", "kernel": "{kernel}", "transfer": "{transfer}", "precision": "f64" }} }}"#,
+        "solver": {{ "integrator": "implicit", "kernel": "{kernel}", "transfer": "{transfer}",
+          "precision": "f64" }} }}"#,
         z = three(", 0"),
         one = three(", 0.8"),
         two = three(", 0.2"),
@@ -74,18 +83,18 @@ impl<const D: usize> Step<D> {
     }
 }
 
-fn random_field<const D: usize>(potential: &Potential<D>, size: f64, random: &mut StdRng) -> Field<D> {
+fn random_field<const D: usize>(potential: &Potential<D>, size: f64, random: &mut StdRng) -> NodeVectors<D> {
     let any = |_| std::array::from_fn(|_| random.random_range(-size..size));
-    let mut field: Field<D> = (0..potential.nodes().len()).map(any).collect();
+    let mut field: NodeVectors<D> = (0..potential.nodes().len()).map(any).collect();
     project(potential.freedoms(), &mut field);
     field
 }
 
-fn inner<const D: usize>(a: &Field<D>, b: &Field<D>) -> f64 {
+fn inner<const D: usize>(a: &NodeVectors<D>, b: &NodeVectors<D>) -> f64 {
     a.iter().zip(b).map(|(a, b)| dot(a, b)).sum()
 }
 
-fn moved<const D: usize>(a: &Field<D>, s: f64, b: &Field<D>) -> Field<D> {
+fn moved<const D: usize>(a: &NodeVectors<D>, s: f64, b: &NodeVectors<D>) -> NodeVectors<D> {
     a.iter().zip(b).map(|(a, b)| std::array::from_fn(|k| a[k] + s * b[k])).collect()
 }
 
@@ -108,18 +117,19 @@ fn differences<const D: usize>(problem: Problem, what: &str, random: &mut StdRng
     assert!(potential.nodes().len() < step.discretisation.nodes.len(), "{what}: nothing is held");
     let start = potential.start();
     let (p, q) = (random_field(&potential, 1.0, random), random_field(&potential, 1.0, random));
-    let mut gradient = Field::new();
+    let mut gradient = NodeVectors::new();
     potential.energy_and_gradient(&start, &mut gradient);
     let h = 1e-5;
     let slope = (potential.energy(&moved(&start, h, &p)) - potential.energy(&moved(&start, -h, &p))) / (2.0 * h);
     let expected = inner(&gradient, &p);
     assert!((slope - expected).abs() < 1e-6 * expected.abs().max(1.0), "{what}: {slope} against {expected}");
 
-    // The Hessian is projected per particle; where that changed nothing it is the gradient's derivative. Directions that stretch little are:
-    // compare where the quadratic forms agree, and demand it of the product and the matrix everywhere.
+    // The Hessian is projected per particle; where that changed nothing it is the gradient's
+    // derivative. Directions that stretch little are: compare where the quadratic forms agree, and
+    // demand it of the product and the matrix everywhere.
     let matrix = potential.hessian(&start);
     let product = potential.linearised(&start);
-    let (mut without, mut with) = (Field::new(), vec![[0.0; D]; p.len()]);
+    let (mut without, mut with) = (NodeVectors::new(), vec![[0.0; D]; p.len()]);
     product.apply(&p, &mut without);
     for i in 0..p.len() {
         for k in matrix.row_start[i]..matrix.row_start[i + 1] {
@@ -140,7 +150,7 @@ fn differences<const D: usize>(problem: Problem, what: &str, random: &mut StdRng
         }
     }
     // Symmetric and positive.
-    let mut from_q = Field::new();
+    let mut from_q = NodeVectors::new();
     product.apply(&q, &mut from_q);
     let (qp, pq) = (inner(&q, &without), inner(&p, &from_q));
     assert!((qp - pq).abs() < 1e-12 * inner(&p, &without).abs(), "{what}: {qp} against {pq}");
@@ -175,7 +185,7 @@ fn derivative<const D: usize>(problem: Problem, what: &str, random: &mut StdRng)
     let step = Step::<D>::new(problem);
     let potential = step.potential();
     let (start, p) = (potential.start(), random_field(&potential, 1.0, random));
-    let (mut ahead, mut behind, mut product) = (Field::new(), Field::new(), Field::new());
+    let (mut ahead, mut behind, mut product) = (NodeVectors::new(), NodeVectors::new(), NodeVectors::new());
     let h = 1e-5;
     potential.energy_and_gradient(&moved(&start, h, &p), &mut ahead);
     potential.energy_and_gradient(&moved(&start, -h, &p), &mut behind);
@@ -186,7 +196,8 @@ fn derivative<const D: usize>(problem: Problem, what: &str, random: &mut StdRng)
     assert!(relative < 1e-8, "{what}: {relative}");
 }
 
-/// Alternating directions reach the minimum that L-BFGS finds, both to their tolerance; with sliding nodes and two laws.
+/// Alternating directions reach the minimum that L-BFGS finds, both to their tolerance; with
+/// sliding nodes and two laws.
 #[test]
 fn alternating_directions_find_the_same_minimum() {
     println!("seed {SEED}");

@@ -1,4 +1,4 @@
-//! The explicit solver, generic in scalar and dimension, as stages that tests can call one at a time.
+//! The explicit simulation, generic in scalar and dimension, as stages that tests can call one at a time.
 
 use rayon::prelude::*;
 
@@ -37,7 +37,7 @@ impl<T> BodySetup<T> {
     }
 }
 
-/// What stays the same during a run, in the solver's scalar.
+/// What stays the same during a run, in the simulation's scalar.
 #[derive(Clone, Debug)]
 pub struct Constants<T, const D: usize> {
     pub dx: T,
@@ -62,7 +62,7 @@ pub struct Block<T, const D: usize> {
 }
 
 /// A particle simulation whose stages have the names of the GPU's.
-pub struct Solver<T, const D: usize> {
+pub struct Simulation<T, const D: usize> {
     pub(super) constants: Constants<T, D>,
     pub(super) setup: Setup,
     interpolation: Box<dyn Interpolation<T, D>>,
@@ -72,7 +72,7 @@ pub struct Solver<T, const D: usize> {
     pub(super) grid: Grid<T, D>,
 }
 
-impl<T: Real, const D: usize> Solver<T, D> {
+impl<T: Real, const D: usize> Simulation<T, D> {
     pub fn new(setup: &Setup, particles: Particles) -> Self {
         let bodies = setup.bodies.iter().zip(demands_at_rest_1_s2(setup)).map(|(body, demand)| BodySetup {
             law: Law::new(&setup.materials[body.material]),
@@ -90,7 +90,7 @@ impl<T: Real, const D: usize> Solver<T, D> {
             layout: interpolation.layout(),
             period: std::array::from_fn(periodic),
         };
-        let mut solver = Self {
+        let mut simulation = Self {
             constants,
             setup: setup.clone(),
             interpolation,
@@ -98,12 +98,12 @@ impl<T: Real, const D: usize> Solver<T, D> {
             tiles: Vec::new(),
             grid: Grid::default(),
         };
-        solver.load(particles);
-        solver
+        simulation.load(particles);
+        simulation
     }
 
     /// Replaces all particle states, and bins. What `particles` holds is given up piece by piece, as soon as it is stored in the
-    /// solver's scalar: at no time are there two copies.
+    /// simulation's scalar: at no time are there two copies.
     pub fn load(&mut self, particles: Particles) {
         let (origin, dx) = (self.setup.origin, self.setup.dx);
         let (cell, period) = (self.constants.layout.cell, self.constants.period);
@@ -199,7 +199,8 @@ impl<T: Real, const D: usize> Solver<T, D> {
             [speed, rate, demand].map(T::to_f64)
         };
         let max = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| a[k].max(b[k]));
-        let [speed, rate, demand_1_s2] = self.blocks.par_iter().flat_map_iter(|block| &block.chunks).map(of_chunk).reduce(|| [0.0; 3], max);
+        let [speed, rate, demand_1_s2] =
+            self.blocks.par_iter().flat_map_iter(|block| &block.chunks).map(of_chunk).reduce(|| [0.0; 3], max);
         Extremes { speed_m_s: speed.sqrt(), affine_rate_1_s: rate.sqrt(), demand_1_s2 }
     }
 
@@ -228,8 +229,7 @@ impl<T: Real, const D: usize> Solver<T, D> {
         let (constants, interpolation, grid) = (&self.constants, &*self.interpolation, &self.grid);
         let dt = T::from_f64(dt_s);
         let tile_size = constants.layout.tile(D);
-        let work: Vec<BlockWork<T, D>> =
-            self.blocks.iter_mut().zip(self.tiles.chunks_exact_mut(tile_size)).collect();
+        let work: Vec<BlockWork<T, D>> = self.blocks.iter_mut().zip(self.tiles.chunks_exact_mut(tile_size)).collect();
         // One thread a block; a block's particles go to its own tile.
         let step = |velocities: &mut Vec<Node<T>>, (index, (block, tile)): (usize, BlockWork<T, D>)| {
             if g2p {
