@@ -38,12 +38,13 @@ pub fn union(a: &[u32], b: &[u32]) -> (Vec<u32>, [Vec<u32>; 2]) {
     (all, within)
 }
 
-/// States of selected particles, in the order of their selection; arrays of equal length. Particles that sources have yet to bring are
-/// left out.
+/// States of selected particles, in the order of their selection. Arrays have equal length, except that those of the deformation are
+/// empty where nothing that is recorded needs it. Particles that sources have yet to bring are left out.
 #[derive(Clone, Debug, Default)]
 pub struct Excerpt {
     /// Particles of the selection, those to come included.
     pub selected: usize,
+    deformation: bool,
     /// Position (m).
     pub x: Vec<[f64; 3]>,
     /// Velocity (m/s).
@@ -56,15 +57,17 @@ pub struct Excerpt {
 }
 
 impl Excerpt {
-    /// Room for a selection.
-    pub fn of(selection: &[u32]) -> Self {
+    /// Room for a selection, with or without its deformation.
+    pub fn of(selection: &[u32], deformation: bool) -> Self {
         let n = selection.len();
+        let deformed = if deformation { n } else { 0 };
         Self {
             selected: n,
+            deformation,
             x: Vec::with_capacity(n),
             v: Vec::with_capacity(n),
-            f: Vec::with_capacity(n),
-            plastic: Vec::with_capacity(n),
+            f: Vec::with_capacity(deformed),
+            plastic: Vec::with_capacity(deformed),
             body: Vec::with_capacity(n),
         }
     }
@@ -78,9 +81,11 @@ impl Excerpt {
             }
             self.x.push(part.x[at]);
             self.v.push(part.v[at]);
-            self.f.push(part.f[at]);
-            self.plastic.push(part.plastic[at]);
             self.body.push(part.body[at]);
+            if self.deformation {
+                self.f.push(part.f[at]);
+                self.plastic.push(part.plastic[at]);
+            }
         }
     }
 
@@ -109,7 +114,7 @@ mod tests {
     fn an_excerpt_of_two_selections_serves_both() {
         let (a, b) = (select(1_000, 40, 1), select(1_000, 25, 2));
         let (all, [in_a, in_b]) = union(&a, &b);
-        let mut excerpt = Excerpt::of(&all);
+        let mut excerpt = Excerpt::of(&all, false);
         // Of 1000 particles 700 are there, in parts of unequal length.
         for range in [0..1, 1..250, 250..251, 251..700] {
             let n = range.len();

@@ -12,7 +12,7 @@ use crate::excerpt::Excerpt;
 use crate::picture::thumbnail_selection;
 use crate::{self as recording, Appearance, Header, RecordingError, Severity, Writer};
 use gridfall_core::sim::diagnostics::{Row, SolverRow, Totals};
-use gridfall_core::sim::setup::Setup;
+use gridfall_core::sim::setup::{Field, Setup};
 use gridfall_engine::{Control, Engine, EngineError, FrameStats, Solve};
 
 /// Where a run's results go.
@@ -143,9 +143,11 @@ impl Frame {
         stats: FrameStats,
     ) -> Result<Self, EngineError> {
         let mut totals = Totals::default();
-        let mut excerpt = Excerpt::of(&wanted.recorded);
+        // Positions and velocities do for pictures; all other fields are functions of the deformation.
+        let deformation = setup.fields.iter().any(|field| *field != Field::Velocity);
+        let mut excerpt = Excerpt::of(&wanted.recorded, deformation);
         let last = frame == u64::from(setup.frames) && !wanted.still.is_empty();
-        let mut still = last.then(|| Excerpt::of(&wanted.still));
+        let mut still = last.then(|| Excerpt::of(&wanted.still, false));
         let part = (setup.total_particles() / PARTS).max(1 << 16).next_multiple_of(Totals::PART);
         engine.visit(part, &mut |first, particles| {
             totals.add(setup, &particles);
