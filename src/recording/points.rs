@@ -9,7 +9,7 @@ use super::excerpt::Excerpt;
 use super::palette::{Palette, to_srgb};
 use gridfall_core::material;
 use gridfall_core::maths::linalg::determinant;
-use gridfall_core::sim::setup::{Field, Setup};
+use gridfall_core::sim::setup::{OutputField, Setup};
 
 /// Which particles of an excerpt are recorded and how a point is laid out; the same for all frames.
 pub struct Points {
@@ -62,10 +62,10 @@ impl Points {
         let (scalars, rgba) = bytes.split_at_mut(self.stride - 4);
         let v = particles.v[p];
         let fields = setup.fields.iter().flat_map(|field| match field {
-            Field::Velocity => v.to_vec(),
-            Field::J => vec![determinant(&particles.f[p])],
-            Field::VonMises => vec![von_mises(&cauchy(setup, particles, p))],
-            Field::Pressure => vec![pressure(&cauchy(setup, particles, p))],
+            OutputField::Velocity => v.to_vec(),
+            OutputField::J => vec![determinant(&particles.f[p])],
+            OutputField::VonMises => vec![von_mises(&cauchy(setup, particles, p))],
+            OutputField::Pressure => vec![pressure(&cauchy(setup, particles, p))],
         });
         for (slot, value) in scalars.chunks_exact_mut(4).zip(particles.x[p].into_iter().chain(fields)) {
             slot.copy_from_slice(&(value as f32).to_le_bytes());
@@ -77,12 +77,12 @@ impl Points {
 }
 
 /// Scalar names of a recorded field.
-fn names(field: Field) -> &'static [&'static str] {
+fn names(field: OutputField) -> &'static [&'static str] {
     match field {
-        Field::Velocity => &["vx", "vy", "vz"],
-        Field::J => &["J"],
-        Field::VonMises => &["von_mises"],
-        Field::Pressure => &["pressure"],
+        OutputField::Velocity => &["vx", "vy", "vz"],
+        OutputField::J => &["J"],
+        OutputField::VonMises => &["von_mises"],
+        OutputField::Pressure => &["pressure"],
     }
 }
 

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use gridfall_core::sim::collider::Field;
+use gridfall_core::sim::collider::DistanceField;
 
 use crate::assets::{Assets, Refusal, Source};
 use crate::fault::{Faults, join};
@@ -76,7 +76,7 @@ struct Resolver<'a> {
     /// Meshes read so far; none where the file is at fault.
     meshes: HashMap<FileKey, Option<Arc<TriangleMesh>>>,
     /// Fields of meshes sampled so far, by file, filling and spacing (as bits).
-    sampled: HashMap<(FileKey, Fill, u64), Arc<Field>>,
+    sampled: HashMap<(FileKey, Fill, u64), Arc<DistanceField>>,
     resolved: Resolved,
 }
 
@@ -123,7 +123,7 @@ impl Resolver<'_> {
         }
     }
 
-    fn mesh(&mut self, source: Source, fill: Fill, spacing: f64, at: &str) -> Option<Arc<Field>> {
+    fn mesh(&mut self, source: Source, fill: Fill, spacing: f64, at: &str) -> Option<Arc<DistanceField>> {
         let file = source.key();
         let key = (file.clone(), fill, spacing.to_bits());
         if let Some(field) = self.sampled.get(&key) {
@@ -194,7 +194,7 @@ impl Resolver<'_> {
         }
     }
 
-    fn sample(&mut self, mesh: &TriangleMesh, fill: Fill, spacing: f64, at: &str) -> Option<Arc<Field>> {
+    fn sample(&mut self, mesh: &TriangleMesh, fill: Fill, spacing: f64, at: &str) -> Option<Arc<DistanceField>> {
         let plan = Plan::new(mesh, spacing, self.dimension);
         let samples = plan.samples();
         if samples > MAX_SAMPLES {

@@ -23,7 +23,7 @@ pub struct Axis<T, const G: usize, const W: usize> {
 }
 
 /// A kernel with `G` grids and `W` nodes per axis and grid.
-pub trait Kernel<const G: usize, const W: usize>: Send + Sync + 'static {
+pub trait ShapeFunction<const G: usize, const W: usize>: Send + Sync + 'static {
     /// Node i of grid g lies at `i + SHIFT[g]`.
     const SHIFT: [f64; G];
     /// Particles at [c + CELL, c + 1 + CELL) touch the same nodes (of the compact kernel: nearly).
@@ -102,7 +102,7 @@ fn sum<T: Real>(c: &[f64; 11], t: T) -> T {
     p
 }
 
-impl Kernel<2, 2> for Compact {
+impl ShapeFunction<2, 2> for Compact {
     const SHIFT: [f64; 2] = [0.25, -0.25];
     const CELL: f64 = 0.0;
     const DIAGONAL: bool = false;
@@ -151,7 +151,7 @@ impl Kernel<2, 2> for Compact {
     }
 }
 
-impl Kernel<1, 2> for Linear {
+impl ShapeFunction<1, 2> for Linear {
     const SHIFT: [f64; 1] = [0.0];
     const CELL: f64 = 0.0;
     const DIAGONAL: bool = true;
@@ -172,7 +172,7 @@ impl Kernel<1, 2> for Linear {
     }
 }
 
-impl Kernel<1, 3> for Quadratic {
+impl ShapeFunction<1, 3> for Quadratic {
     const SHIFT: [f64; 1] = [0.0];
     const CELL: f64 = 0.5;
     const DIAGONAL: bool = true;
@@ -195,7 +195,7 @@ impl Kernel<1, 3> for Quadratic {
     }
 }
 
-impl Kernel<1, 4> for Cubic {
+impl ShapeFunction<1, 4> for Cubic {
     const SHIFT: [f64; 1] = [0.0];
     const CELL: f64 = 0.0;
     const DIAGONAL: bool = true;

@@ -5,7 +5,9 @@ use rayon::prelude::*;
 use super::collider::Collider;
 pub use super::contact::{Contact, ContactKind};
 use super::particles::{IDENTITY, Particles};
-pub use super::settings::{CoarseSolve, Field, Implicit, Integrator, Kernel, Method, Precision, Smoother, Transfer};
+pub use super::settings::{
+    CoarseSolve, Implicit, Integrator, Kernel, Method, OutputField, Precision, Smoother, Transfer,
+};
 use super::source::Source;
 use crate::material::initial_plastic_state;
 pub use crate::material::parameters::Material;
@@ -71,7 +73,7 @@ pub struct Setup {
     pub frames: u32,
     /// Simulated time between frames (s).
     pub frame_s: f64,
-    pub fields: Vec<Field>,
+    pub fields: Vec<OutputField>,
     pub preview_points: usize,
     pub seed: u64,
 }

@@ -1,6 +1,6 @@
 //! A mesh's signed distance on a lattice.
 
-use gridfall_core::sim::collider::Field;
+use gridfall_core::sim::collider::DistanceField;
 use rayon::prelude::*;
 
 use super::bvh::Bvh;
@@ -50,7 +50,7 @@ impl Plan {
 
     /// Samples the mesh. For an open mesh with the winding number w, the distance u to the triangles
     /// becomes u (1 - 2w): it is ±u far from holes and crosses zero smoothly where a hole is closed.
-    pub fn sample(&self, mesh: &TriangleMesh, fill: Fill) -> Field {
+    pub fn sample(&self, mesh: &TriangleMesh, fill: Fill) -> DistanceField {
         let bvh = Bvh::new(mesh);
         let [nx, ny, _] = self.size;
         let mut samples = vec![0.0; self.size.iter().product()];
@@ -80,6 +80,6 @@ impl Plan {
             }
         });
         let Self { origin, spacing, size, bounds } = *self;
-        Field { origin, spacing, size, samples, bounds }
+        DistanceField { origin, spacing, size, samples, bounds }
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use gridfall_core::material::parameters::Material;
 use gridfall_core::sim::contact::ContactKind;
-use gridfall_core::sim::settings::{Field, Implicit, Integrator, Kernel, Precision, Transfer};
+use gridfall_core::sim::settings::{Implicit, Integrator, Kernel, OutputField, Precision, Transfer};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -148,13 +148,13 @@ impl Default for Solver {
 #[serde(deny_unknown_fields, default)]
 pub struct Output {
     /// Scalar and vector fields recorded with each point, beside position and colour.
-    pub fields: Vec<Field>,
+    pub fields: Vec<OutputField>,
     /// Points recorded per frame at most; more are decimated evenly.
     pub preview_points: u32,
 }
 
 impl Default for Output {
     fn default() -> Self {
-        Self { fields: vec![Field::Velocity], preview_points: 200_000 }
+        Self { fields: vec![OutputField::Velocity], preview_points: 200_000 }
     }
 }

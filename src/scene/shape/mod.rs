@@ -6,7 +6,7 @@ mod placement;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use gridfall_core::sim::collider::{FLAT_HALF_EXTENT, Field, Primitive, Sdf, SdfOp, axis_angle, rotate};
+use gridfall_core::sim::collider::{DistanceField, FLAT_HALF_EXTENT, Primitive, Sdf, SdfOp, axis_angle, rotate};
 
 use crate::fault::join;
 use crate::schema::Shape;
@@ -15,7 +15,7 @@ use placement::{Placement, unit};
 
 /// Sampled signed distances of heightfields and meshes, by the JSON pointer of the heightfield or
 /// mesh in the document.
-pub(crate) type Fields = HashMap<String, Arc<Field>>;
+pub(crate) type Fields = HashMap<String, Arc<DistanceField>>;
 
 /// The signed distance program of a valid shape, whose JSON pointer is `at`.
 pub(crate) fn sdf(shape: &Shape, at: &str, fields: &Fields, dimension: usize) -> Sdf {

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use gridfall_core::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, SdfOp};
 use gridfall_core::sim::particles::{IDENTITY, Particles};
 use gridfall_core::sim::reaction::Reaction;
-use gridfall_core::sim::setup::{Axis, Body, Contact, ContactKind, Field, Implicit, Integrator, Problem, Setup};
+use gridfall_core::sim::setup::{Axis, Body, Contact, ContactKind, Implicit, Integrator, OutputField, Problem, Setup};
 use gridfall_engine::{Backend, Control, Engine, EngineError, FrameStats, Solve};
 use gridfall_recording::Appearance;
 use gridfall_recording::run::{self, FrameReport, Observer, Outputs, RunError, Summary};
@@ -219,7 +219,7 @@ pub fn problem(spacing: f64) -> Problem {
         implicit: Implicit::default(),
         frames: 5,
         frame_s: 0.05,
-        fields: vec![Field::Velocity, Field::J, Field::VonMises, Field::Pressure],
+        fields: vec![OutputField::Velocity, OutputField::J, OutputField::VonMises, OutputField::Pressure],
         preview_points: 200_000,
         seed: 1,
     };

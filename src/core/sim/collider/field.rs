@@ -4,7 +4,7 @@
 ///
 /// In 2D the lattice has one sample along z and the field does not change along it.
 #[derive(Clone, PartialEq)]
-pub struct Field {
+pub struct DistanceField {
     /// Position of the first sample (m).
     pub origin: [f64; 3],
     /// Between samples (m).
@@ -17,7 +17,7 @@ pub struct Field {
     pub bounds: [[f64; 3]; 2],
 }
 
-impl Field {
+impl DistanceField {
     /// Signed distance at a point (m): trilinear inside the lattice's box; outside, with e the way to the box and d the value where it
     /// is reached, sqrt(e² + d²), which no point of the solid is nearer than, because the box is convex.
     pub fn distance(&self, x: [f64; 3]) -> f64 {
@@ -60,9 +60,9 @@ impl Field {
     }
 }
 
-impl std::fmt::Debug for Field {
+impl std::fmt::Debug for DistanceField {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        write!(f, "Field({:?} samples of {} m from {:?})", self.size, self.spacing, self.origin)
+        write!(f, "DistanceField({:?} samples of {} m from {:?})", self.size, self.spacing, self.origin)
     }
 }
 
@@ -70,7 +70,7 @@ impl std::fmt::Debug for Field {
 mod tests {
     use super::*;
 
-    fn ball(size: [usize; 3]) -> Field {
+    fn ball(size: [usize; 3]) -> DistanceField {
         let (origin, spacing) = ([-0.7, -0.6, if size[2] == 1 { 0.0 } else { -0.65 }], 0.1);
         let sample = |k: usize| {
             let i = [k % size[0], k / size[0] % size[1], k / (size[0] * size[1])];
@@ -78,7 +78,7 @@ mod tests {
             (x.iter().map(|a| a * a).sum::<f64>().sqrt() - 0.4) as f32
         };
         let samples = (0..size[0] * size[1] * size[2]).map(sample).collect();
-        Field { origin, spacing, size, samples, bounds: [[-0.4; 3], [0.4; 3]] }
+        DistanceField { origin, spacing, size, samples, bounds: [[-0.4; 3], [0.4; 3]] }
     }
 
     #[test]

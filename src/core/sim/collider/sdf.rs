@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use super::field::Field;
+use super::field::DistanceField;
 
 /// Half extent of a 2D shape along z (m): its cross-section extends without end.
 pub const FLAT_HALF_EXTENT: f64 = 1e30;
@@ -28,7 +28,7 @@ pub enum Primitive {
     /// All points with z <= 0.
     HalfSpace,
     /// A field whose lengths are multiplied by the factor.
-    Grid(Arc<Field>, f64),
+    Grid(Arc<DistanceField>, f64),
 }
 
 impl Primitive {
@@ -167,7 +167,7 @@ impl Sdf {
     }
 
     /// All sampled primitives, and their scale.
-    pub fn fields(&self) -> impl Iterator<Item = (&Arc<Field>, f64)> {
+    pub fn fields(&self) -> impl Iterator<Item = (&Arc<DistanceField>, f64)> {
         self.ops.iter().filter_map(|op| match op {
             SdfOp::Primitive { primitive: Primitive::Grid(field, scale), .. } => Some((field, *scale)),
             _ => None,

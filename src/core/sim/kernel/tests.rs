@@ -44,7 +44,7 @@ fn positions() -> Vec<f64> {
     x
 }
 
-fn check_axis<K: Kernel<G, W> + Textbook, const G: usize, const W: usize>() {
+fn check_axis<K: ShapeFunction<G, W> + Textbook, const G: usize, const W: usize>() {
     for x in positions() {
         let axis = K::axis(x);
         let single = K::axis(x as f32);
@@ -81,7 +81,7 @@ fn weights_and_slopes_are_the_kernels() {
     check_axis::<Cubic, 1, 4>();
 }
 
-fn check_moment<K: Kernel<G, W>, const G: usize, const W: usize, const D: usize>(rng: &mut StdRng) {
+fn check_moment<K: ShapeFunction<G, W>, const G: usize, const W: usize, const D: usize>(rng: &mut StdRng) {
     for _ in 0..500 {
         let x = [(); D].map(|()| rng.random_range(0.0..4.0));
         let axes = x.map(|x| K::axis(x));

@@ -52,7 +52,8 @@ pub enum Precision {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub enum Field {
+#[schemars(rename = "Field")]
+pub enum OutputField {
     #[serde(rename = "velocity")]
     Velocity,
     /// Volume ratio det F.

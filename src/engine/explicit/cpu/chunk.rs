@@ -3,7 +3,7 @@
 
 use gridfall_core::maths::linalg::{Matrix, Vector, apply};
 use gridfall_core::maths::real::Real;
-use gridfall_core::sim::kernel::Kernel;
+use gridfall_core::sim::kernel::ShapeFunction;
 
 /// Particles of a chunk.
 pub const LANES: usize = 16;
@@ -158,7 +158,7 @@ pub struct Stencils<T, const D: usize, const G: usize, const W: usize> {
 
 impl<T: Real, const D: usize, const G: usize, const W: usize> Stencils<T, D, G, W> {
     #[inline(always)]
-    pub fn new<K: Kernel<G, W>>(x: &[Lanes<T>; D]) -> Self {
+    pub fn new<K: ShapeFunction<G, W>>(x: &[Lanes<T>; D]) -> Self {
         let mut s = Self {
             base: [[[0; LANES]; G]; D],
             offset: [[[T::ZERO; LANES]; G]; D],
@@ -232,7 +232,7 @@ impl<T: Real, const D: usize, const G: usize, const W: usize> Stencils<T, D, G, 
 
     /// m D⁻¹ at lane l's position.
     #[inline(always)]
-    pub fn times_inverse_moment<K: Kernel<G, W>>(&self, m: &Matrix<T, D>, l: usize) -> Matrix<T, D> {
+    pub fn times_inverse_moment<K: ShapeFunction<G, W>>(&self, m: &Matrix<T, D>, l: usize) -> Matrix<T, D> {
         K::times_inverse_moment(m, &vector(&self.spread, l), &vector(&self.skew, l))
     }
 }

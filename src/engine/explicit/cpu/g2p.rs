@@ -10,7 +10,7 @@ use super::tile::{BLOCK, Node, SLACK, Walk, add_scaled, index, scale};
 use gridfall_core::maths::linalg::{add_scaled as add_scaled_matrix, mul, trace};
 use gridfall_core::maths::real::Real;
 use gridfall_core::maths::widest::widest;
-use gridfall_core::sim::kernel::Kernel;
+use gridfall_core::sim::kernel::ShapeFunction;
 use gridfall_core::sim::timestep::MAX_GROWTH;
 
 /// What the particles of a block did.
@@ -48,7 +48,7 @@ impl<T: Real> Moves<T> {
 
 widest! {
     /// Velocities and B of a chunk's particles from the velocities of a tile, and ∇v (1/s).
-    pub fn gather[T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize][T, K, D, G, W](
+    pub fn gather[T: Real, K: ShapeFunction<G, W>, const D: usize, const G: usize, const W: usize][T, K, D, G, W](
         constants: &Constants<T, D>,
         chunk: &mut Chunk<T, D>,
         tile: &[Node<T>],

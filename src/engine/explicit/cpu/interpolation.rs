@@ -8,7 +8,7 @@ use super::simulation::Constants;
 use super::tile::{Layout, Node};
 use super::{g2p, isolated, p2g};
 use gridfall_core::maths::real::Real;
-use gridfall_core::sim::kernel::{Compact, Cubic, Kernel as KernelForm, Linear, Quadratic};
+use gridfall_core::sim::kernel::{Compact, Cubic, Linear, Quadratic, ShapeFunction};
 use gridfall_core::sim::setup::Kernel;
 
 /// Transfers between the particles of a chunk and the nodes of its block's tile.
@@ -41,7 +41,7 @@ pub trait Interpolation<T, const D: usize>: Send + Sync {
 
 struct Form<K, const G: usize, const W: usize>(PhantomData<K>);
 
-impl<T: Real, K: KernelForm<G, W>, const D: usize, const G: usize, const W: usize> Interpolation<T, D>
+impl<T: Real, K: ShapeFunction<G, W>, const D: usize, const G: usize, const W: usize> Interpolation<T, D>
     for Form<K, G, W>
 {
     fn layout(&self) -> Layout {

@@ -11,14 +11,14 @@ use super::simulation::Constants;
 use super::tile::{MASS, Node};
 use gridfall_core::maths::linalg::{Matrix, apply, cofactor, det, scaled_identity, trace};
 use gridfall_core::maths::real::Real;
-use gridfall_core::sim::kernel::Kernel;
+use gridfall_core::sim::kernel::ShapeFunction;
 
 /// Others may add this share to Σ w m_i before a particle counts as accompanied: what they contribute below is no support, and f32 sums
 /// are good to less. Twin: `ALONE` in wgsl/g2p.wgsl.
 pub const ALONE: f64 = 1e-4;
 
 /// Which particles of a chunk have their nodes to themselves, by the masses in the tile that they gather from.
-pub fn find<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize>(
+pub fn find<T: Real, K: ShapeFunction<G, W>, const D: usize, const G: usize, const W: usize>(
     constants: &Constants<T, D>,
     chunk: &Chunk<T, D>,
     tile: &[Node<T>],
@@ -35,7 +35,7 @@ pub fn find<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: u
 }
 
 /// Resets the marked particles, which are where the step has taken them.
-pub fn reset<T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize>(
+pub fn reset<T: Real, K: ShapeFunction<G, W>, const D: usize, const G: usize, const W: usize>(
     constants: &Constants<T, D>,
     chunk: &mut Chunk<T, D>,
     isolated: &Lanes<bool>,

@@ -11,11 +11,11 @@ use gridfall_core::maths::linalg::{Matrix, scaled_identity};
 use gridfall_core::maths::real::Real;
 use gridfall_core::maths::svd::{NEWTON_STEPS, is_regular, newton_step, polar_by_svd};
 use gridfall_core::maths::widest::widest;
-use gridfall_core::sim::kernel::Kernel;
+use gridfall_core::sim::kernel::ShapeFunction;
 
 widest! {
     /// Adds a chunk's particles, whose stresses are `tau`, to its block's tile.
-    pub fn scatter[T: Real, K: Kernel<G, W>, const D: usize, const G: usize, const W: usize][T, K, D, G, W](
+    pub fn scatter[T: Real, K: ShapeFunction<G, W>, const D: usize, const G: usize, const W: usize][T, K, D, G, W](
         constants: &Constants<T, D>,
         chunk: &Chunk<T, D>,
         dt: T,

@@ -6,7 +6,7 @@
 //! threads write the same number, and no result depends on how many there are.
 
 use gridfall_core::maths::real::Real;
-use gridfall_core::sim::kernel::Kernel;
+use gridfall_core::sim::kernel::ShapeFunction;
 
 /// Cells of a block along an axis.
 pub const BLOCK: i32 = 4;
@@ -42,7 +42,7 @@ pub struct Layout {
 }
 
 impl Layout {
-    pub fn of<K: Kernel<G, W>, const G: usize, const W: usize>() -> Self {
+    pub fn of<K: ShapeFunction<G, W>, const G: usize, const W: usize>() -> Self {
         let lowest = K::axis(K::CELL - SLACK as f64).base;
         let (first, last) = (0, G - 1);
         Self {
@@ -104,7 +104,7 @@ mod tests {
     use super::*;
     use gridfall_core::sim::kernel::{Compact, Cubic, Linear, Quadratic};
 
-    fn check<K: Kernel<G, W>, const G: usize, const W: usize>() {
+    fn check<K: ShapeFunction<G, W>, const G: usize, const W: usize>() {
         let lowest = Layout::of::<K, G, W>().lowest;
         let (first, last) = (K::CELL - SLACK as f64, K::CELL + (BLOCK + SLACK) as f64 - 1e-9);
         for x in [first, first + 0.3, 0.0, 2.7, last - 0.3, last] {

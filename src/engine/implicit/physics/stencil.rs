@@ -6,7 +6,7 @@
 //! tabulated once, because a solver uses it dozens of times.
 
 use gridfall_core::maths::linalg::{Matrix, Vector, apply, identity};
-use gridfall_core::sim::kernel::{Compact, Cubic, Kernel as KernelForm, Linear, Quadratic};
+use gridfall_core::sim::kernel::{Compact, Cubic, Linear, Quadratic, ShapeFunction};
 use gridfall_core::sim::setup::{Kernel, Transfer};
 
 /// The numbers that describe a kernel.
@@ -76,11 +76,11 @@ impl<const D: usize> Interpolation<D> {
     }
 }
 
-fn shape<K: KernelForm<G, W>, const G: usize, const W: usize>() -> Shape {
+fn shape<K: ShapeFunction<G, W>, const G: usize, const W: usize>() -> Shape {
     Shape { grids: G, width: W, shift: [K::SHIFT[0], K::SHIFT[G - 1]], share: 1.0 / G as f64 }
 }
 
-fn tabulate<K: KernelForm<G, W>, const D: usize, const G: usize, const W: usize>(
+fn tabulate<K: ShapeFunction<G, W>, const D: usize, const G: usize, const W: usize>(
     x: &Vector<f64, D>,
     dx: f64,
     mls: bool,
