@@ -12,7 +12,7 @@ use crate::excerpt::Excerpt;
 use crate::picture::thumbnail_selection;
 use crate::{self as recording, Appearance, Header, RecordingError, Severity, Writer};
 use gridfall_core::sim::diagnostics::{Row, SolverRow, Totals};
-use gridfall_core::sim::setup::{Field, Setup};
+use gridfall_core::sim::setup::{OutputField, Setup};
 use gridfall_engine::{Control, Engine, EngineError, FrameStats, Solve};
 
 /// Where a run's results go.
@@ -144,7 +144,7 @@ impl Frame {
     ) -> Result<Self, EngineError> {
         let mut totals = Totals::default();
         // Positions and velocities do for pictures; all other fields are functions of the deformation.
-        let deformation = setup.fields.iter().any(|field| *field != Field::Velocity);
+        let deformation = setup.fields.iter().any(|field| *field != OutputField::Velocity);
         let mut excerpt = Excerpt::of(&wanted.recorded, deformation);
         let last = frame == u64::from(setup.frames) && !wanted.still.is_empty();
         let mut still = last.then(|| Excerpt::of(&wanted.still, false));
