@@ -7,5 +7,6 @@ mod contract;
 pub mod explicit;
 pub mod gpu;
 pub mod implicit;
+pub mod programs;
 
 pub use contract::{Backend, Control, Engine, EngineError, FrameStats, NoControl, Solve};

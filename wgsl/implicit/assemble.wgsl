@@ -1,6 +1,9 @@
 // The Hessian's rows: A_ij[a][c] = m_i δ + Σ_p K_p[3a + e][3c + f] g_i[e] g_j[f] (HOT §4.2), gathered.
 // One workgroup a row. Its lanes first contract K with g_i for a chunk of particles, one particle a lane; then each lane, which owns one
 // neighbour, adds up Σ_p (K g_i) g_j over the chunk. Then S_i A S_j, and trace/3 · (I - S) and friction on the diagonal.
+//
+// uses implicit/cells, implicit/particle, implicit/freedom, implicit/friction, implicit/neighbour
+// uses implicit/upper, shared/mls
 
 const WIDE = 128u;
 const CHUNK = 32u;

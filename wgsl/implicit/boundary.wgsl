@@ -2,6 +2,8 @@
 // In: nodes' masses and velocities. Out: `freedom`, `moving` (what Δv is added to), `begin` (where the solve starts; w: how many surfaces constrain
 // the node), those surfaces in `touches`, and `row_of` = 1 for nodes that are solved for.
 // One lane a dense node.
+//
+// uses implicit/nodes, shared/distance
 
 const PARALLEL = 1e-6; // normals nearer to each other than this (sine) are one
 
@@ -34,7 +36,7 @@ fn keep(rule: ptr<function, Rule>, at: u32, surface: u32, contact: vec2<f32>, no
     (*rule).velocity += (dot(velocity - (*rule).velocity, normal) / size) * n;
     touches[3u * at + (*rule).kept] = Touch(vec4<f32>(n, contact.y), vec4<f32>(velocity, bitcast<f32>(surface)), vec4<f32>(arm, select(SEPARATING, SLIPPERY, kind == SLIP)), vec4<f32>(0.0));
     if (kind != SLIP) {
-        atomicStore(&status.separating, 1u);
+        atomicStore(&report.separating, 1u);
     }
     (*rule).n[(*rule).kept] = n;
     (*rule).kept += 1u;
@@ -77,7 +79,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     if (at >= params.capacity * GRIDS * 64u) {
         return;
     }
-    if (at >= status.blocks * GRIDS * 64u) {
+    if (at >= report.blocks * GRIDS * 64u) {
         row_of[at] = 0u;
         return;
     }

@@ -1,5 +1,7 @@
 // Cells that particles are sorted by: all particles of one touch the same nodes. Quadratic: one a node. Compact: eight, because the two
 // grids' nodes change at different places, floor(y) and floor(y + ½).
+//
+// uses implicit/nodes
 
 const SUB = GRIDS;             // cells a node along an axis
 const ACROSS = 4u * SUB;       // cells a block along an axis

@@ -3,6 +3,8 @@
 //
 // F = U Σ Vᵀ; with dF' = Uᵀ dF V the derivative is A on the diagonal, and for each pair of axes [[x, y], [y, x]] on (dF'_ij, dF'_ji).
 // Energies are sums of small terms, never differences of large ones: a line search compares them.
+//
+// uses shared/state
 
 /// ψ(σ) (J/m³), ∂ψ/∂σ_i and ∂²ψ/∂σ_i∂σ_j (Pa).
 struct Derivatives { energy: f32, gradient: vec3<f32>, hessian: mat3x3<f32> }

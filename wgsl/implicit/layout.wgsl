@@ -4,6 +4,8 @@
 // (slot * GRIDS + grid) * 64 + x + 4 y + 16 z. Row: place of a node in the system that is solved; prescribed nodes have none.
 // Particles: y = x/dx - SHIFT (+ padding) as block and offset in [0, 4); node n of a grid lies at n + node_offset(grid) - SHIFT in y.
 // Before a step's sort particles lie anyhow (`_in`), after it by cell and id.
+//
+// uses shared/structs, shared/blocks
 
 struct Params {
     blocks: vec3<u32>,       // extent of the dense block table
@@ -23,7 +25,7 @@ struct Params {
     walls: array<vec4<f32>, 6>, // x-, x+, y-, y+, z-, z+: contact kind, friction, unused, unused
 }
 
-struct Status {
+struct Report {
     error: atomic<u32>,          // ERROR_* bits
     error_particle: atomic<u32>, // lowest id that raised one
     max_shift: atomic<u32>,      // largest displacement of the step along an axis in cells, f32 bits
@@ -46,9 +48,7 @@ struct Sweep { r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32> }
 struct Touch { normal: vec4<f32>, velocity: vec4<f32>, arm: vec4<f32>, impulse: vec4<f32> }
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read_write> status: Status;
-@group(0) @binding(2) var<storage, read_write> table: array<u32>;            // block -> slot + 1, 0 = no particle near
-@group(0) @binding(2) var<storage, read_write> marks: array<atomic<u32>>;    // the same, while blocks are being marked
+@group(0) @binding(1) var<storage, read_write> report: Report;
 @group(0) @binding(3) var<storage, read_write> block_list: array<u32>;       // slot -> block
 @group(0) @binding(4) var<storage, read_write> prefix: array<u32>;           // sums before an entry, of blocks, then of rows
 @group(0) @binding(5) var<storage, read_write> counts: array<atomic<u32>>;   // particles a cell (of a slot)
@@ -94,11 +94,6 @@ struct Touch { normal: vec4<f32>, velocity: vec4<f32>, arm: vec4<f32>, impulse: 
 @group(0) @binding(46) var<storage, read_write> presses: array<vec4<f32>>;   // by block and grid: push, pull (N s), friction
 @group(0) @binding(45) var<storage, read_write> reactions: array<f32>;       // block, surface, force and moment
 
-/// MLS-MPM (forces and velocity gradient through D⁻¹) instead of APIC (through kernel gradients).
-override MLS: bool = true;
-/// Whether any law of the scene works in principal space.
-override PRINCIPAL: bool = true;
-
 const LANES = 64u;
 const NO_NODE = 0xffffffffu;
 
@@ -115,40 +110,14 @@ const PRESCRIBED = 3.0;
 const NOWHERE = 4.0;
 
 const ERROR_NAN = 1u;
-const ERROR_CFL = 2u;
 const ERROR_DOMAIN = 4u;
 
 fn fail(code: u32, id: u32) {
-    atomicOr(&status.error, code);
-    atomicMin(&status.error_particle, id);
+    atomicOr(&report.error, code);
+    atomicMin(&report.error_particle, id);
 }
 
 /// Item of a lane in a dispatch of LANES wide workgroups.
 fn item(group: vec3<u32>, groups: vec3<u32>, lane: u32) -> u32 {
     return group_index(group, groups) * LANES + lane;
 }
-
-/// Slot of a block, wrapped on periodic axes; NO_NODE if no particle is near.
-fn slot_of(block: vec3<i32>) -> u32 {
-    let b = block_index(block);
-    if (b < 0) {
-        return NO_NODE;
-    }
-    return table[b] - 1u; // 0 - 1 = NO_NODE
-}
-
-/// A node's place among the dense ones, for coordinates in the table.
-fn dense_node(n: vec3<i32>, grid: u32) -> u32 {
-    let slot = slot_of(n >> vec3<u32>(2u));
-    if (slot == NO_NODE) {
-        return NO_NODE;
-    }
-    let local = vec3<u32>(n & vec3<i32>(3));
-    return (slot * GRIDS + grid) * 64u + local.x + 4u * local.y + 16u * local.z;
-}
-
-/// Coordinates in the table of a lane's node of a block.
-fn node_of(block: u32, lane: u32) -> vec3<i32> {
-    return 4 * block_coordinates(block) + vec3<i32>(vec3<u32>(lane & 3u, (lane >> 2u) & 3u, lane >> 4u));
-}
-

@@ -1,5 +1,7 @@
 // Gives marked blocks their slots, in the order of the table. In: marks, and their sums before each block.
 // One lane a block of the table.
+//
+// uses implicit/nodes
 
 @compute @workgroup_size(LANES)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
@@ -10,7 +12,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let slot = prefix[b];
     let marked = table[b] != 0u;
     if (b == arrayLength(&table) - 1u) {
-        status.blocks = slot + select(0u, 1u, marked);
+        report.blocks = slot + select(0u, 1u, marked);
     }
     if (marked && slot < params.capacity) {
         table[b] = slot + 1u;

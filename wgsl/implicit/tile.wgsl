@@ -1,4 +1,6 @@
 // Vectors of the nodes that a block's particles touch, in workgroup memory: 6³ nodes of each grid.
+//
+// uses implicit/nodes, shared/mls
 
 const TILE = 216u;
 

@@ -1,4 +1,6 @@
 // Signed distance programs and contact with rigid surfaces. Twin: src/sim/collider/. Positions relative to domain.min (m).
+//
+// uses shared/structs
 
 const STICKY = 0u;
 const SLIP = 1u;

@@ -1,5 +1,14 @@
 // A particle's deformation state, its return map and its stress. Adding a law: its file in materials/, a constant here and a case in
 // `flow`, `principal_kirchhoff` and `principal_stiffness`. Twin: src/material/mod.rs.
+//
+// uses shared/structs, shared/polar, shared/materials/fixed_corotated
+// uses shared/materials/neo_hookean, shared/materials/weakly_compressible_fluid
+// uses shared/materials/stvk_hencky, shared/materials/von_mises, shared/materials/drucker_prager
+// uses shared/materials/nacc, shared/materials/snow
+
+/// Whether any law of the scene works in principal space. Programs that need none of those laws
+/// are compiled without their code.
+override PRINCIPAL: bool = true;
 
 /// F, or J alone (a fluid); q: plastic state of the laws that have one.
 struct Deformation { F: mat3x3<f32>, J: f32, q: f32 }

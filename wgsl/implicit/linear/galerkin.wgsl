@@ -3,6 +3,8 @@
 // S is folded into H already except into the diagonal blocks of sliding nodes, which carry trace/3 (I − S) as well; S H S removes it.
 // In: fine values, children, freedoms of the fine nodes. Out: coarse values. A thread a coarse row and slot, neighbouring threads neighbouring
 // rows. Everything is gathered: no race.
+//
+// uses implicit/linear/level, implicit/linear/freedom, implicit/linear/stencil_*
 
 @group(0) @binding(0) var<uniform> fine: Level;
 @group(0) @binding(1) var<uniform> coarse: Level;

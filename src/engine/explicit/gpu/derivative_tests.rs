@@ -4,15 +4,15 @@
 use rand::{SeedableRng, rngs::StdRng};
 
 use super::law_tests::{State, distance, gpu, random_matrix, random_states, run};
-use super::shaders::DERIVATIVES;
-use crate::gpu::device::Gpu;
+use crate::gpu::Gpu;
 use gridfall_core::material::{Law, initial_plastic_state, samples};
 use gridfall_core::maths::linalg::{Matrix, mul, mul_transpose};
 use gridfall_core::maths::svd::svd;
 use gridfall_core::sim::setup::Material;
 
 /// ψ, P, and the derivative along one entry of F.
-const ENTRY: &str = "
+const ENTRY: &str = "// uses explicit/state_io, implicit/derivatives
+
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let i = id.x;
@@ -43,7 +43,7 @@ struct Answer {
 }
 
 fn ask(gpu: &Gpu, materials: &[Material], states: &[State]) -> Vec<Answer> {
-    let w = run(gpu, materials, states, &format!("{DERIVATIVES}{ENTRY}"));
+    let w = run(gpu, materials, states, ENTRY);
     let answer = |i: usize| Answer {
         energy: w.scalar(&w.velocity, 9, i),
         pk1: w.matrix(&w.velocity, 0, i),

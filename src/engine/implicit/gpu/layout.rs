@@ -27,7 +27,7 @@ pub struct Params {
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct Status {
+pub struct Report {
     pub error: u32,
     pub error_particle: u32,
     pub max_shift: u32,

@@ -1,5 +1,7 @@
 // Particle ↔ grid transfers, APIC and MLS, on either kernel (CK-MPM §4.3–4.5; NUMERICS in docs).
 // Velocities in m/s; distances d, D and B in cells, so that C d = (B D⁻¹) d needs no dx.
+//
+// uses explicit/tile, shared/mls, shared/polar
 
 struct Gathered { v: vec3<f32>, B: mat3x3<f32>, gradient: mat3x3<f32> } // gradient: dx ∇v (m/s)
 

@@ -3,6 +3,8 @@
 // Read tile: nodes 0..5 of the block per axis (a particle's base is 0..3, compact grid -: 0..4).
 // Scatter tile: nodes -1..6, because a particle moves less than a cell before it scatters.
 // Sums are integers: their order does not matter, so that runs repeat bit for bit.
+//
+// uses explicit/layout, shared/kernel_*
 
 const READ = 6u;
 const READ_NODES = 216u;
@@ -101,7 +103,7 @@ fn add_to_node(grid: u32, n: vec3<i32>, mass: f32, momentum: vec3<f32>, carry: p
 
 /// Four values in [-½, ½) from a particle's id and the step (PCG hash, Jarzynski & Olano 2020).
 fn dither(id: u32) -> vec4<f32> {
-    let state = (id ^ (status.index * 0x9e3779b9u)) * 747796405u + 2891336453u;
+    let state = (id ^ (report.index * 0x9e3779b9u)) * 747796405u + 2891336453u;
     let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
     let h = (word >> 22u) ^ word;
     return vec4<f32>((vec4<u32>(h) >> vec4<u32>(0u, 8u, 16u, 24u)) & vec4<u32>(255u)) * (1.0 / 256.0) - 0.498046875;

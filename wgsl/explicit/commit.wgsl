@@ -1,14 +1,14 @@
 // Step, second sequential point: after activation, either all slots fit and the step is begun, or it is not begun at all
-// and the host grows the grid. One thread. Outputs: `dispatches`, `status`.
-
-@group(1) @binding(0) var<storage, read_write> dispatches: array<vec4<u32>>;
+// and the host grows the grid. One thread. Outputs: `dispatches`, `report`.
+//
+// uses explicit/dispatch
 
 @compute @workgroup_size(1)
 fn main() {
     let wanted = atomicLoad(&blocks_out[0]);
-    status.needed = max(status.needed, wanted);
+    report.needed = max(report.needed, wanted);
     if (wanted > params.capacity) {
-        atomicOr(&status.halt, HALT_BLOCKS);
+        atomicOr(&report.halt, HALT_BLOCKS);
     }
     if (halted()) {
         for (var i = 0u; i < 8u; i++) {
@@ -19,7 +19,7 @@ fn main() {
     want(GROUPS_BLOCKS_OUT, wanted);
     want(GROUPS_SLOTS_OUT, (wanted + WORKGROUP - 1u) / WORKGROUP);
     want(GROUPS_PARTICLES, (params.live + WORKGROUP - 1u) / WORKGROUP);
-    atomicStore(&status.work_count, 0u);
-    atomicStore(&status.cursor, 0u);
-    status.step += 1u;
+    atomicStore(&report.work_count, 0u);
+    atomicStore(&report.cursor, 0u);
+    report.step += 1u;
 }

@@ -5,6 +5,8 @@
 //
 // Particle coordinates: y = x/dx - SHIFT (+ padding), stored as block and offset in [0, 4), so that a particle keeps full f32
 // precision however large the domain is.
+//
+// uses shared/structs, shared/blocks
 
 struct Params {
     blocks: vec3<u32>,       // extent of the dense block table
@@ -28,7 +30,7 @@ struct Params {
     walls: array<vec4<f32>, 6>, // x-, x+, y-, y+, z-, z+: contact kind, friction, unused, unused
 }
 
-struct Status {
+struct Report {
     halt: atomic<u32>,       // HALT_* bits; any stops all later steps until the host clears it
     error: atomic<u32>,      // ERROR_* bits
     error_particle: atomic<u32>, // lowest id that raised an error
@@ -50,7 +52,7 @@ struct Status {
 struct Work { block: u32, start: u32, count: u32, unused: u32 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read_write> status: Status;
+@group(0) @binding(1) var<storage, read_write> report: Report;
 @group(0) @binding(2) var<storage, read_write> table_in: array<u32>;              // block -> slot + 1, 0 = inactive
 @group(0) @binding(3) var<storage, read_write> table_out: array<atomic<u32>>;
 @group(0) @binding(4) var<storage, read_write> blocks_in: array<u32>;             // [0] count, then block by slot
@@ -78,10 +80,6 @@ struct Work { block: u32, start: u32, count: u32, unused: u32 }
 @group(0) @binding(26) var<storage, read_write> reactions: array<atomic<u32>>;    // replica, surface, force and moment, two words
 
 override WORKGROUP: u32 = 64u;
-/// MLS-MPM (forces and velocity gradient through D⁻¹) instead of APIC (through kernel gradients).
-override MLS: bool = true;
-/// Whether any law of the scene works in principal space; the code of those laws is left out of pipelines that do not need it.
-override PRINCIPAL: bool = true;
 
 const HALT_BLOCKS = 1u;   // more blocks wanted than there are slots; the step was not begun
 const HALT_REPLAN = 2u;   // a particle moved further than planned; the step is complete
@@ -108,13 +106,13 @@ const GROUPS_PARTICLES = 5u;
 const WORK_MAX = 1024u;
 
 fn halted() -> bool {
-    return atomicLoad(&status.halt) != 0u;
+    return atomicLoad(&report.halt) != 0u;
 }
 
 fn fail(code: u32, id: u32) {
-    atomicOr(&status.error, code);
-    atomicMin(&status.error_particle, id);
-    atomicOr(&status.halt, HALT_ERROR);
+    atomicOr(&report.error, code);
+    atomicMin(&report.error_particle, id);
+    atomicOr(&report.halt, HALT_ERROR);
 }
 
 fn neighbour(i: u32) -> vec3<i32> {
