@@ -1,4 +1,5 @@
-// What one particle does between gather and scatter: x ← x + dt v, F ← (I + dt ∇v) F, with the guards of the step.
+// What one particle does between gather and scatter: x ← x + dt v, F ← (I + dt ∇v) F, with the
+// guards of the step.
 //
 // uses explicit/transfer, shared/state
 

@@ -3,7 +3,11 @@
 // uses explicit/layout, shared/kernel_*
 
 @compute @workgroup_size(WORKGROUP)
-fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) count: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) count: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let slot = group_index(id, count);
     if (slot >= report.groups[GROUPS_BLOCKS_OUT]) {
         return;

@@ -1,5 +1,5 @@
-// Step, second sequential point: after activation, either all slots fit and the step is begun, or it is not begun at all
-// and the host grows the grid. One thread. Outputs: `dispatches`, `report`.
+// Step, second sequential point: after activation, either all slots fit and the step is begun, or
+// it is not begun at all and the host grows the grid. One thread. Outputs: `dispatches`, `report`.
 //
 // uses explicit/dispatch
 

@@ -9,5 +9,6 @@
 fn want(which: u32, groups: u32) {
     report.groups[which] = groups;
     let x = min(groups, 32768u);
-    dispatches[which] = vec4<u32>(x, select((groups + 32767u) / 32768u, 0u, groups == 0u), select(1u, 0u, groups == 0u), 0u);
+    let y = (groups + 32767u) / 32768u;
+    dispatches[which] = select(vec4<u32>(x, y, 1u, 0u), vec4<u32>(0u), groups == 0u);
 }

@@ -1,5 +1,7 @@
-// Last step of a frame: grid → particles, and full states by id for read-back and for the next frame's p2g.
-// Particles that share no node with another are reset (Bai & Schroeder §5; twin: src/cpu/isolated.rs).
+// Last step of a frame: grid → particles, and full states by id for read-back and for the next
+// frame's p2g.
+// Particles that share no node with another are reset (Bai & Schroeder §5; twin:
+// src/engine/explicit/cpu/isolated.rs).
 // One workgroup a work item, one lane a particle at a time; every id is written by one lane.
 //
 // uses explicit/advance, explicit/state_io
@@ -37,7 +39,11 @@ fn rotation_of(B: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let item = group_index(group, groups);
     var job = Work(0u, 0u, 0u, 0u);
     if (item < report.groups[GROUPS_WORK]) {

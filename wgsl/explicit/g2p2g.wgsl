@@ -1,12 +1,19 @@
-// Fused step: grid n → particles → grid n + 1 (after Wang et al. 2020). Velocity and B live in registers only.
-// In: node velocities `_in`, particles `_in` through their bins. Out: particles `_out` in bin order, grid `_out`, and the
-// destination (block slot, rank) of every particle for the next binning.
-// One workgroup a work item, one lane a particle at a time; sums are integers in workgroup memory, then in the grid.
+// Fused step: grid n → particles → grid n + 1 (after Wang et al. 2020). Velocity and B live in
+// registers only.
+// In: node velocities `_in`, particles `_in` through their bins. Out: particles `_out` in bin
+// order, grid `_out`, and the destination (block slot, rank) of every particle for the next
+// binning.
+// One workgroup a work item, one lane a particle at a time; sums are integers in workgroup memory,
+// then in the grid.
 //
 // uses explicit/advance, explicit/state_io
 
 @compute @workgroup_size(WORKGROUP)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let item = group_index(group, groups);
     var job = Work(0u, 0u, 0u, 0u);
     if (item < report.groups[GROUPS_WORK]) {

@@ -1,4 +1,5 @@
-// Start of a frame: publishes the number of work items that the first binning made, for p2g. One thread.
+// Start of a frame: publishes the number of work items that the first binning made, for p2g. One
+// thread.
 //
 // uses explicit/dispatch
 

@@ -1,10 +1,15 @@
-// Turns the particle count of every block into the start of its bin, and lists the blocks that have particles as work.
+// Turns the particle count of every block into the start of its bin, and lists the blocks that have
+// particles as work.
 // One thread a slot. The order of bins is the order of arrival; no value depends on it.
 //
 // uses explicit/layout
 
 @compute @workgroup_size(WORKGROUP)
-fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) count: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) count: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let slot = group_index(id, count) * WORKGROUP + lane;
     if (slot >= report.groups[GROUPS_BLOCKS_OUT]) {
         return;

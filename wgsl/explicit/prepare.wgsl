@@ -1,5 +1,7 @@
-// Step, first of two sequential points: publishes how many workgroups this step's stages need, or none once halted.
-// One thread. Inputs: counts of the last step. Outputs: `dispatches`, `report.groups`, an empty `_out` block list.
+// Step, first of two sequential points: publishes how many workgroups this step's stages need, or
+// none once halted.
+// One thread. Inputs: counts of the last step. Outputs: `dispatches`, `report.groups`, an empty
+// `_out` block list.
 //
 // uses explicit/dispatch
 

@@ -1,4 +1,5 @@
-// Where a particle's deformation state lies: channel-major arrays, F by columns and then the plastic state; J in channel 0 of a fluid.
+// Where a particle's deformation state lies: channel-major arrays, F by columns and then the
+// plastic state; J in channel 0 of a fluid.
 //
 // uses explicit/layout, shared/state
 

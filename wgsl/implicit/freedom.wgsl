@@ -1,4 +1,5 @@
-// S: the directions in which a node may move. Twin: implicit::objective::Freedom.
+// S: the directions in which a node may move. Twin: `Freedom` in
+// src/engine/implicit/solver/objective.rs.
 //
 // uses implicit/layout
 

@@ -1,10 +1,15 @@
-// Gives marked blocks their slots, in the order of the table. In: marks, and their sums before each block.
+// Gives marked blocks their slots, in the order of the table. In: marks, and their sums before each
+// block.
 // One lane a block of the table.
 //
 // uses implicit/nodes
 
 @compute @workgroup_size(LANES)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let b = item(group, groups, lane);
     if (b >= arrayLength(&table)) {
         return;

@@ -1,4 +1,5 @@
-// Sums kept as an unevaluated pair (high, low) of floats, so that a sum over millions has the precision of its terms.
+// Sums kept as an unevaluated pair (high, low) of floats, so that a sum over millions has the
+// precision of its terms.
 //
 // uses implicit/layout
 

@@ -1,4 +1,5 @@
-// Whether separating surfaces together pull more than PULL of their push, and whether any surface has friction. One workgroup, in a fixed order.
+// Whether separating surfaces together pull more than PULL of their push, and whether any surface
+// has friction. One workgroup, in a fixed order.
 //
 // uses implicit/layout, shared/kernel_*
 

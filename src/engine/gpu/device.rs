@@ -98,7 +98,8 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    /// Opens the best real GPU, or the adapter whose name contains `adapter` (case ignored), software drivers included.
+    /// Opens the best real GPU, or the adapter whose name contains `adapter` (case ignored),
+    /// software drivers included.
     ///
     /// Errors: [`EngineError::NoDevice`] that says what was found and what would help.
     pub fn open(adapter: Option<&str>) -> Result<Self, EngineError> {

@@ -36,6 +36,11 @@ impl Variant {
         }
     }
 
+    /// For programs that differ by kernel alone.
+    pub fn of_kernel(kernel: Kernel) -> Self {
+        Self { kernel, mls: false, principal: false }
+    }
+
     /// All that there are shaders for.
     pub fn all() -> impl Iterator<Item = Self> {
         let kernels = [Kernel::Compact, Kernel::Quadratic].into_iter();

@@ -1,4 +1,5 @@
-// Goes to the accepted trial: s = trial − Δv and y = ∇E' − ∇E become the new pair, with partial sums of yᵀs; Δv and ∇E follow. Grid-stride over rows.
+// Goes to the accepted trial: s = trial − Δv and y = ∇E' − ∇E become the new pair, with partial
+// sums of yᵀs; Δv and ∇E follow. Grid-stride over rows.
 //
 // uses implicit/linear/level, implicit/linear/state, implicit/linear/reduce
 

@@ -1,5 +1,6 @@
-// First loop of the two-loop recursion, a pair (Nocedal & Wright, alg. 7.4): α = ρ s·q, q ← q − α y; then partial sums of s'·q with the next
-// older pair's s'. Grid-stride over rows; the partial sums of s·q come in from the dispatch before.
+// First loop of the two-loop recursion, a pair (Nocedal & Wright, alg. 7.4): α = ρ s·q, q ← q − α
+// y; then partial sums of s'·q with the next older pair's s'. Grid-stride over rows; the partial
+// sums of s·q come in from the dispatch before.
 //
 // uses implicit/linear/level, implicit/linear/pair, implicit/linear/reduce
 

@@ -1,4 +1,5 @@
-// Start of the two-loop recursion: q = ∇E, and partial sums of s·q with the newest pair's s. Grid-stride over rows.
+// Start of the two-loop recursion: q = ∇E, and partial sums of s·q with the newest pair's s.
+// Grid-stride over rows.
 //
 // uses implicit/linear/level, implicit/linear/reduce
 

@@ -1,4 +1,5 @@
-// A step of a Chebyshev polynomial of D⁻¹A: d ← c₁ d + c₂ D⁻¹ (b − A x), x' = x + d. Rows as in product.wgsl; x is read, x' written elsewhere.
+// A step of a Chebyshev polynomial of D⁻¹A: d ← c₁ d + c₂ D⁻¹ (b − A x), x' = x + d. Rows as in
+// product.wgsl; x is read, x' written elsewhere.
 //
 // uses implicit/linear/level, implicit/linear/vectors, implicit/linear/product
 

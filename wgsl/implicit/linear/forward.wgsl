@@ -1,5 +1,6 @@
-// Second loop of the two-loop recursion, a pair: β = ρ y·z, z ← z + (α − β) s; then partial sums of y'·z with the next newer pair's y', of ∇E·z
-// after the newest. Grid-stride over rows; the partial sums of y·z come in from the dispatch before.
+// Second loop of the two-loop recursion, a pair: β = ρ y·z, z ← z + (α − β) s; then partial sums of
+// y'·z with the next newer pair's y', of ∇E·z after the newest. Grid-stride over rows; the partial
+// sums of y·z come in from the dispatch before.
 //
 // uses implicit/linear/level, implicit/linear/pair, implicit/linear/reduce
 

@@ -1,6 +1,8 @@
-// One colour of block Gauss–Seidel: x_i ← x_i + D_i⁻¹ (b − A x)_i. Nodes of a colour are no neighbours of each other, so each is updated in
-// place. Rows as in product.wgsl. Colours: index mod `counts` of the quadratic kernel's nodes (radius 2, so 3 or more); of the compact pair the
-// position in half cells (grid 0 even, grid 1 odd, neighbours up to 3 apart, so 4 or more). The counts divide a periodic axis.
+// One colour of block Gauss–Seidel: x_i ← x_i + D_i⁻¹ (b − A x)_i. Nodes of a colour are no
+// neighbours of each other, so each is updated in place. Rows as in product.wgsl. Colours: index
+// mod `counts` of the quadratic kernel's nodes (radius 2, so 3 or more); of the compact pair the
+// position in half cells (grid 0 even, grid 1 odd, neighbours up to 3 apart, so 4 or more). The
+// counts divide a periodic axis.
 //
 // uses implicit/linear/level, implicit/linear/vectors, implicit/linear/product
 

@@ -1,5 +1,6 @@
-// Ties the nodes of a level to those of the next: parents[k * stride + row] is a parent's row or NONE, children[k * coarse stride + coarse row]
-// a child's row plus 1 (0, as the buffer was cleared: no child). A thread a fine node. A parent's child k is one node only: no race.
+// Ties the nodes of a level to those of the next: parents[k * stride + row] is a parent's row or
+// NONE, children[k * coarse stride + coarse row] a child's row plus 1 (0, as the buffer was
+// cleared: no child). A thread a fine node. A parent's child k is one node only: no race.
 //
 // uses implicit/linear/level, implicit/linear/parents
 

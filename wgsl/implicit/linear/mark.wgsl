@@ -1,5 +1,6 @@
 // Marks a level's nodes that marked nodes of the level below have as parents.
-// In: the lower level's table of marks. Out: table, 1 where hit. A thread an entry below; all who write an entry write the same.
+// In: the lower level's table of marks. Out: table, 1 where hit. A thread an entry below; all who
+// write an entry write the same.
 //
 // uses implicit/linear/level, implicit/linear/parents
 

@@ -1,5 +1,6 @@
 // Marks the first coarse level's nodes that fine nodes have as parents.
-// In: ids of the fine nodes. Out: table, 1 where hit. A thread a fine node; all who write an entry write the same.
+// In: ids of the fine nodes. Out: table, 1 where hit. A thread a fine node; all who write an entry
+// write the same.
 //
 // uses implicit/linear/level, implicit/linear/parents
 

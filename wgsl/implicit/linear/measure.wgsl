@@ -1,4 +1,5 @@
-// At the trial: partial sums of z·∇E and of Σ |∇E_i|² / scale_i². Grid-stride over rows; nothing to do once the search has ended.
+// At the trial: partial sums of z·∇E and of Σ |∇E_i|² / scale_i². Grid-stride over rows; nothing to
+// do once the search has ended.
 //
 // uses implicit/linear/level, implicit/linear/reduce
 

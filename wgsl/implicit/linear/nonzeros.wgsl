@@ -1,4 +1,5 @@
-// Counts the blocks of the finest matrix. A thread a row; sums of integers do not depend on their order.
+// Counts the blocks of the finest matrix. A thread a row; sums of integers do not depend on their
+// order.
 //
 // uses implicit/linear/level, implicit/linear/stencil_*
 

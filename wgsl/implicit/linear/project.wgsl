@@ -1,4 +1,5 @@
-// After the V-cycle: z ← S z, and partial sums of y·z with the oldest pair's y, or of ∇E·z without pairs. Grid-stride over rows.
+// After the V-cycle: z ← S z, and partial sums of y·z with the oldest pair's y, or of ∇E·z without
+// pairs. Grid-stride over rows.
 //
 // uses implicit/linear/level, implicit/linear/freedom, implicit/linear/reduce
 

@@ -1,4 +1,5 @@
-// b = R r, the children's residuals by their weights, and the first step from x = 0 of the coarse level's smoother: d = c D⁻¹ b, x = d.
+// b = R r, the children's residuals by their weights, and the first step from x = 0 of the coarse
+// level's smoother: d = c D⁻¹ b, x = d.
 // A thread a coarse row.
 //
 // uses implicit/linear/level, implicit/linear/vectors, implicit/linear/freedom

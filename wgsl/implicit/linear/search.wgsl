@@ -1,4 +1,5 @@
-// Start of a line search along −z: φ'(0) = −zᵀ∇E, α = 1; nothing is tried when it does not fall. One workgroup.
+// Start of a line search along −z: φ'(0) = −zᵀ∇E, α = 1; nothing is tried when it does not fall.
+// One workgroup.
 //
 // uses implicit/linear/level, implicit/linear/state, implicit/linear/reduce
 

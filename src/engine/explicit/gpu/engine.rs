@@ -1,4 +1,5 @@
-//! Runs frames on the device: plan, submit without reading back, then answer for what the device reported.
+//! Runs frames on the device: plan, submit without reading back, then answer for what the device
+//! reported.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -15,11 +16,12 @@ use crate::gpu::program::{Dispatch, Programs, Tools};
 use crate::gpu::{Gpu, Variant};
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
-use gridfall_core::sim::setup::{Kernel, Precision, Setup, Transfer};
+use gridfall_core::sim::setup::Setup;
 use gridfall_core::sim::timestep::{self, Extremes};
 
-/// Fixed-point units of a full node's mass, and of its momentum at the velocity of scale: 2^27 leaves a factor of 4 up to the
-/// soft limit and 8 up to the hard one, and resolves 1e-8 of a full node.
+/// Fixed-point units of a full node's mass, and of its momentum at the velocity of scale: 2^27
+/// leaves a factor of 4 up to the soft limit and 8 up to the hard one, and resolves 1e-8 of a full
+/// node.
 const FULL_NODE: f64 = 134_217_728.0;
 /// A chunk of steps should take about this long, so that a cancel is heard soon.
 const CHUNK_SECONDS: f64 = 0.1;
@@ -59,29 +61,12 @@ struct Segment {
     impulses: Vec<Reaction>,
 }
 
-/// Whether the GPU engine can run a problem at all; the reason if not.
-pub fn supports(setup: &Setup) -> Result<(), String> {
-    if setup.dimension != 3 {
-        return Err("the GPU engine is 3D only".into());
-    }
-    if !matches!(setup.kernel, Kernel::Compact | Kernel::Quadratic) {
-        return Err("the GPU engine has the compact and the quadratic kernel".into());
-    }
-    if setup.transfer == Transfer::Pic {
-        return Err("the GPU engine has the transfers apic and mls".into());
-    }
-    if setup.precision != Precision::F32 {
-        return Err("the GPU engine is f32 only".into());
-    }
-    Ok(())
-}
-
 impl GpuEngine {
     /// Loads a problem at time 0. `reason` says why this device was chosen.
     ///
     /// Errors: unsupported scenes, capacity, a lost device.
     pub fn new(gpu: Arc<Gpu>, setup: &Setup, particles: Particles, reason: &str) -> Result<Self, EngineError> {
-        supports(setup).map_err(EngineError::Unsupported)?;
+        super::supports(setup).map_err(EngineError::Unsupported)?;
         let mut layout = DeviceLayout::new(setup);
         let extremes = timestep::initial_extremes(setup, &particles);
         let state = layout.state(&particles)?;
@@ -175,8 +160,8 @@ impl GpuEngine {
         // Momentum comes from motion and from stress impulses, which are below c · strain a node.
         let speed =
             (4.0 * (self.max_speed + gravity * p.frame_s)).max(wave / 8.0).min(p.dx / dt_s) * self.momentum_range;
-        // Powers of two, so that scaling is exact: all nodes inside a body share one mass, and the rounding of one product
-        // would be a steady drift of its momentum.
+        // Powers of two, so that scaling is exact: all nodes inside a body share one mass, and the
+        // rounding of one product would be a steady drift of its momentum.
         let power_of_two = |x: f64| x.log2().floor().exp2() as f32;
         self.params.mass_scale = power_of_two(FULL_NODE / (full * self.mass_range));
         self.params.momentum_scale = power_of_two(FULL_NODE / (full * speed));
@@ -266,7 +251,8 @@ impl GpuEngine {
                 continue;
             }
             if report.finished == 0 {
-                // A guard asked for another plan: the step at hand is complete on the grid, so bring it home as it is.
+                // A guard asked for another plan: the step at hand is complete on the grid, so
+                // bring it home as it is.
                 self.write_report(&Report { halt: 0, ..report });
                 self.write_poses(done, 1, dt_s);
                 self.submit(self.stages.frame_end[(done % 2) as usize].iter());
@@ -286,7 +272,8 @@ impl GpuEngine {
         readback::reactions(&self.gpu, &self.buffers, &self.params)
     }
 
-    /// Submits steps `done..total`, at most two chunks ahead of the device, and nothing is read back.
+    /// Submits steps `done..total`, at most two chunks ahead of the device, and nothing is read
+    /// back.
     fn run_steps(&mut self, done: u64, dt_s: f64, total: u64, control: &dyn Control) -> Result<(), EngineError> {
         let mut in_flight: VecDeque<(wgpu::SubmissionIndex, usize)> = VecDeque::new();
         let mut next = done;

@@ -1,5 +1,6 @@
-//! The shaders' laws against those of `gridfall_core::material`, each on random, rotated, flat and inverted states; and the shaders' SVD by
-//! reconstruction. Runs on software Vulkan unless `GRIDFALL_TEST_ADAPTER` names a device.
+//! The shaders' laws against those of `gridfall_core::material`, each on random, rotated, flat and
+//! inverted states; and the shaders' SVD by reconstruction. Runs on software Vulkan unless
+//! `GRIDFALL_TEST_ADAPTER` names a device.
 
 use rand::{Rng, SeedableRng, rngs::StdRng};
 
@@ -193,7 +194,8 @@ pub(super) fn distance(a: &Matrix<f64, 3>, b: &Matrix<f64, 3>) -> f64 {
     })
 }
 
-/// Largest differences over the states of each material: F, plastic state, τ over the stiffness at the state, stiffening over its value.
+/// Largest differences over the states of each material: F, plastic state, τ over the stiffness at
+/// the state, stiffening over its value.
 fn differences(materials: &[Material], states: &[State], answers: &[Answer]) -> Vec<[f64; 4]> {
     let mut worst = vec![[0.0f64; 4]; materials.len()];
     for (state, answer) in states.iter().zip(answers) {
@@ -218,8 +220,9 @@ fn differences(materials: &[Material], states: &[State], answers: &[Answer]) -> 
     worst
 }
 
-/// f32 roundings of a decomposition. The deviator that NACC's surface allows has an infinite slope at the tips, where a rounding of J
-/// comes back as a few of F; snow's stiffness has one of J_p ten times over. The planted errors show that this is small enough.
+/// f32 roundings of a decomposition. The deviator that NACC's surface allows has an infinite slope
+/// at the tips, where a rounding of J comes back as a few of F; snow's stiffness has one of J_p ten
+/// times over. The planted errors show that this is small enough.
 const TOLERANCE: [f64; 4] = [1e-5, 3e-6, 1e-5, 3e-5];
 
 #[test]

@@ -9,7 +9,8 @@ pub const BLOCK_NODES: usize = 64;
 pub const NODE_CHANNELS: usize = 4;
 /// v and B of a particle.
 pub const VELOCITY_CHANNELS: usize = 12;
-/// Blocks of room around a domain with walls: particles may stand a little beyond a wall, and scatter further.
+/// Blocks of room around a domain with walls: particles may stand a little beyond a wall, and
+/// scatter further.
 pub const PAD_BLOCKS: usize = 2;
 /// Most particles in a work item (`WORK_MAX` in the shaders).
 pub const WORK_MAX: usize = 1024;

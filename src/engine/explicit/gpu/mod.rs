@@ -19,6 +19,25 @@ pub mod stages;
 pub mod timing;
 pub(crate) mod upload;
 
-pub use engine::{GpuEngine, supports};
+pub use engine::GpuEngine;
 pub use readback::GridNode;
 pub use staged::Staged;
+
+use gridfall_core::sim::setup::{Kernel, Precision, Setup, Transfer};
+
+/// Whether the GPU engine can run a problem at all; the reason if not.
+pub fn supports(setup: &Setup) -> Result<(), String> {
+    if setup.dimension != 3 {
+        return Err("the GPU engine is 3D only".into());
+    }
+    if !matches!(setup.kernel, Kernel::Compact | Kernel::Quadratic) {
+        return Err("the GPU engine has the compact and the quadratic kernel".into());
+    }
+    if setup.transfer == Transfer::Pic {
+        return Err("the GPU engine has the transfers apic and mls".into());
+    }
+    if setup.precision != Precision::F32 {
+        return Err("the GPU engine is f32 only".into());
+    }
+    Ok(())
+}

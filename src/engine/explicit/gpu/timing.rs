@@ -1,4 +1,5 @@
-//! Measurements on the device: time per stage from timestamps, and the copy bandwidth that speeds are compared with.
+//! Measurements on the device: time per stage from timestamps, and the copy bandwidth that speeds
+//! are compared with.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -20,9 +21,11 @@ pub struct Profile {
 }
 
 impl GpuEngine {
-    /// Runs up to `steps` equal steps of `dt_s` with a timestamp around every dispatch, and brings the particles home.
+    /// Runs up to `steps` equal steps of `dt_s` with a timestamp around every dispatch, and brings
+    /// the particles home.
     ///
-    /// Passes are separate here, so that the sum is more than an ordinary run takes. `None` without timestamp support.
+    /// Passes are separate here, so that the sum is more than an ordinary run takes. `None` without
+    /// timestamp support.
     pub fn profile(&mut self, steps: u64, dt_s: f64) -> Result<Option<Profile>, EngineError> {
         let gpu = self.gpu().clone();
         if !gpu.timestamps {

@@ -10,7 +10,8 @@ use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::{Axis, Contact, ContactKind, Kernel, Material, Setup};
 use gridfall_core::sim::timestep::demands_at_rest_1_s2;
 
-/// Cells by which a kernel's base node is shifted: y = x/dx - shift has floor(y) as its first node (`SHIFT` in the shaders).
+/// Cells by which a kernel's base node is shifted: y = x/dx - shift has floor(y) as its first node
+/// (`SHIFT` in the shaders).
 pub fn shift(kernel: Kernel) -> f64 {
     if kernel == Kernel::Quadratic { 0.5 } else { 0.25 }
 }
@@ -34,7 +35,8 @@ pub struct DeviceLayout {
     fluid: Vec<bool>,
     /// By body: whether particles have a plastic state.
     plastic: Vec<bool>,
-    /// Deformation channels a particle: 1 if all bodies are fluids, 9 for F, 10 if any body has a plastic state.
+    /// Deformation channels a particle: 1 if all bodies are fluids, 9 for F, 10 if any body has a
+    /// plastic state.
     pub channels: usize,
 }
 
@@ -75,7 +77,8 @@ impl DeviceLayout {
         self.blocks.iter().product()
     }
 
-    /// Blocks that hold particles, or lie beside one that does: what the first activation will ask for.
+    /// Blocks that hold particles, or lie beside one that does: what the first activation will ask
+    /// for.
     pub fn active_blocks(&self, position: &[[u32; 4]]) -> usize {
         let mut seen = vec![false; self.table_len()];
         for p in position {
@@ -253,7 +256,8 @@ pub fn material(material: &Material) -> layout::Material {
     layout::Material { model, a, b, c, d, e, ..layout::Material::default() }
 }
 
-/// Signed distance programs, the samples of their fields, and colliders, in coordinates relative to `domain.min`.
+/// Signed distance programs, the samples of their fields, and colliders, in coordinates relative to
+/// `domain.min`.
 pub fn colliders(setup: &Setup) -> (Vec<layout::SdfOp>, Vec<f32>, Vec<layout::Collider>) {
     let (mut ops, mut samples, mut out) = (Vec::new(), Vec::new(), Vec::new());
     for c in &setup.colliders {

@@ -1,5 +1,5 @@
-//! What the two halves of an implicit step on the device share: the step's physics fills a [`System`] and evaluates its objective; the
-//! minimiser (`linear`) solves it.
+//! What the two halves of an implicit step on the device share: the step's physics fills a
+//! [`System`] and evaluates its objective; the minimiser (`linear`) solves it.
 
 use wgpu::{Buffer, ComputePass};
 
@@ -102,9 +102,11 @@ impl System {
 
 /// E, ∇E and ∇²E of a system.
 pub trait Evaluate {
-    /// Records the dispatches that read `trial` and write `gradient` and `energy`, unless `control[0]` is set when they run.
+    /// Records the dispatches that read `trial` and write `gradient` and `energy`, unless
+    /// `control[0]` is set when they run.
     fn record(&self, pass: &mut ComputePass);
 
-    /// Records the dispatches that write `values`, the Hessian at `trial`, which the last evaluation has seen.
+    /// Records the dispatches that write `values`, the Hessian at `trial`, which the last
+    /// evaluation has seen.
     fn record_hessian(&self, pass: &mut ComputePass);
 }

@@ -1,5 +1,5 @@
-//! The implicit step on the device (HOT), 3D, f32; twin of `crate::implicit`. Sums over particles are gathered, never scattered, in an
-//! order that does not depend on scheduling.
+//! The implicit step on the device (HOT), 3D, f32; twin of `crate::implicit`. Sums over particles
+//! are gathered, never scattered, in an order that does not depend on scheduling.
 
 mod buffers;
 mod engine;

@@ -15,7 +15,8 @@ pub struct NodeReading {
     pub velocity: [f64; 3],
     /// ξ_i (Pa).
     pub stiffness: f64,
-    /// m/s: where the solver starts, and what is prescribed; after the step, the velocity at its end.
+    /// m/s: where the solver starts, and what is prescribed; after the step, the velocity at its
+    /// end.
     pub target: [f64; 3],
 }
 

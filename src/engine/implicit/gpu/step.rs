@@ -1,4 +1,5 @@
-//! The stages of one implicit step, recorded and submitted; what to do between them is the engine's business.
+//! The stages of one implicit step, recorded and submitted; what to do between them is the engine's
+//! business.
 
 use std::sync::Arc;
 
@@ -137,7 +138,8 @@ impl Stepper {
         });
     }
 
-    /// Decides what surfaces do in a step of `dt` (s) from `time_s`, and numbers the nodes of the system.
+    /// Decides what surfaces do in a step of `dt` (s) from `time_s`, and numbers the nodes of the
+    /// system.
     fn bound(&mut self, time_s: f64, dt: f64) {
         self.params.dt = dt as f32;
         self.params.stride = self.buffers.system.stride;
@@ -160,8 +162,9 @@ impl Stepper {
         self.stages = Stages::new(tools, &self.buffers.memory, &self.buffers.system);
     }
 
-    /// Starts a step of `dt` (s) from `time_s`: sorts the particles unless `again`, and leaves the system with its rows, start and neighbours, but without
-    /// a matrix. Errors: capacity, a particle outside the domain, a lost device.
+    /// Starts a step of `dt` (s) from `time_s`: sorts the particles unless `again`, and leaves the
+    /// system with its rows, start and neighbours, but without a matrix. Errors: capacity, a
+    /// particle outside the domain, a lost device.
     pub fn begin(&mut self, time_s: f64, dt: f64, again: bool) -> Result<(), EngineError> {
         if !again {
             self.sort();
@@ -217,7 +220,8 @@ impl Stepper {
         Ok(f64::from(energy[0]) + f64::from(energy[1]))
     }
 
-    /// Starts from rest where free fall is a state that a material forbids; only neo-Hookean ones do.
+    /// Starts from rest where free fall is a state that a material forbids; only neo-Hookean ones
+    /// do.
     pub fn avoid_forbidden_start(&self) -> Result<(), EngineError> {
         if !self.setup.materials.iter().any(|material| matches!(material, Material::NeoHookean(_))) {
             return Ok(());
@@ -229,8 +233,9 @@ impl Stepper {
         Ok(())
     }
 
-    /// After a solve: lets go of nodes that separating surfaces pull back, and adds the friction that the normal impulses at `dv` cause. Returns
-    /// whether the system is another one now, to be solved once more.
+    /// After a solve: lets go of nodes that separating surfaces pull back, and adds the friction
+    /// that the normal impulses at `dv` cause. Returns whether the system is another one now, to be
+    /// solved once more.
     pub fn revise(&self) -> Result<bool, EngineError> {
         if !self.separating {
             return Ok(false);
@@ -243,7 +248,8 @@ impl Stepper {
         Ok(report.released != 0 || report.rubbing != 0)
     }
 
-    /// Ends the step with `dv`: reactions, particles. The step can be taken back by beginning it again.
+    /// Ends the step with `dv`: reactions, particles. The step can be taken back by beginning it
+    /// again.
     pub fn finish(&mut self) -> Result<Moved, EngineError> {
         self.memory().write(&self.gpu, "report", 0, &[0u32, u32::MAX, 0, 0]);
         self.gpu.submit(|encoder| {
@@ -285,7 +291,8 @@ impl Evaluate for Stepper {
     }
 }
 
-/// The velocity field with which a collider's points go where they are after `dt` (s), about its centre: (R' Rᵀ − 1)/dt and (c' − c)/dt.
+/// The velocity field with which a collider's points go where they are after `dt` (s), about its
+/// centre: (R' Rᵀ − 1)/dt and (c' − c)/dt.
 fn sweep(collider: &Collider, time_s: f64, dt: f64) -> Sweep {
     let (from, to) = (collider.motion.at(time_s), collider.motion.at(time_s + dt));
     let (r0, r1) = (from.pose.rotation, to.pose.rotation);

@@ -168,7 +168,7 @@ mod tests {
         let seed = 77;
         println!("seed {seed}");
         let (gpu, rng) = (gpu(), &mut StdRng::seed_from_u64(seed));
-        let programs = Programs::new(Variant { kernel: Kernel::Quadratic, mls: false, principal: false });
+        let programs = Programs::new(Variant::of_kernel(Kernel::Quadratic));
         let tools = Tools { gpu: &gpu, programs: &programs };
         let sample = Sample::new(&scene(Kernel::Quadratic, false, 1e6));
         let system = sample.upload(&gpu);

@@ -17,10 +17,10 @@ const MOST_PARTS: u64 = 65535;
 
 /// A level's matrix, its smoother's data and its vectors.
 ///
-/// Its buffers, beside those of a [`System`]'s matrix: `level`; `table` and `sums`, which number the
-/// nodes; `children` towards the finer level and `parents` towards the coarser one; `inverse` and
-/// `coefficients` of the smoother; `lanczos`, `products` and the pair `partials`; the vectors `b`,
-/// `d`, `r` and the pair `x`.
+/// Its buffers, beside those of a [`System`]'s matrix: `level`; `table` and `sums`, which number
+/// the nodes; `children` towards the finer level and `parents` towards the coarser one; `inverse`
+/// and `coefficients` of the smoother; `lanczos`, `products` and the pair `partials`; the vectors
+/// `b`, `d`, `r` and the pair `x`.
 pub struct Level {
     pub lattice: Lattice,
     pub shape: layout::Level,

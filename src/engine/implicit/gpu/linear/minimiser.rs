@@ -32,8 +32,7 @@ pub struct Minimiser {
 
 impl Minimiser {
     pub fn new(kernel: Kernel, settings: Implicit) -> Self {
-        // These programs differ by kernel alone.
-        let programs = Programs::new(Variant { kernel, mls: false, principal: false });
+        let programs = Programs::new(Variant::of_kernel(kernel));
         Self { programs, settings, hierarchy: None, lbfgs: None }
     }
 

@@ -1,4 +1,5 @@
-//! Whole minimisations against Newton's method in f64: E = ½ Δvᵀ A Δv − bᵀΔv + ¼ κ Σ m_i |Δv_i|⁴ with the matrix of a step.
+//! Whole minimisations against Newton's method in f64: E = ½ Δvᵀ A Δv − bᵀΔv + ¼ κ Σ m_i |Δv_i|⁴
+//! with the matrix of a step.
 
 use nalgebra::{DMatrix, DVector, Matrix3};
 
@@ -89,7 +90,7 @@ impl Quartic {
         memory.write(gpu, "kappa", 0, &[kappa]);
         write_field(gpu, memory.get("b"), n, b);
         let scope = Scope::of(&memory).and(&system.memory);
-        let variant = Variant { kernel: system.kernel, mls: false, principal: false };
+        let variant = Variant::of_kernel(system.kernel);
         let mut list = Dispatches::default();
         for (name, text, groups) in [("gradient", GRADIENT, rows.div_ceil(32)), ("energy", ENERGY, 1)] {
             let shader = Shader::of_text(name, text, variant, gpu.workgroup).unwrap_or_else(|e| panic!("{e}"));
@@ -104,11 +105,13 @@ impl Evaluate for Quartic {
         self.list.record(pass);
     }
 
-    /// A is there already; what κ adds to it is left out, so that there is something to learn on the way.
+    /// A is there already; what κ adds to it is left out, so that there is something to learn on
+    /// the way.
     fn record_hessian(&self, _: &mut wgpu::ComputePass) {}
 }
 
-/// Within f32's reach up to this contrast; from 1e8 Pa on the compact pair's noise floor lies above, at 2e-8.
+/// Within f32's reach up to this contrast; from 1e8 Pa on the compact pair's noise floor lies
+/// above, at 2e-8.
 const TOLERANCE: f64 = 1e-8;
 
 /// One problem with its solution.
@@ -203,7 +206,8 @@ fn minima_are_newtons_and_repeatable() {
                     case.distance(&x, &solution)
                 );
                 assert!(solve.converged && solve.residual <= TOLERANCE);
-                // The device's own view of its residual is that of f64, to the roundings of its gradient.
+                // The device's own view of its residual is that of f64, to the roundings of its
+                // gradient.
                 assert!(case.residual(&x) < 1.5 * TOLERANCE, "{:e}", case.residual(&x));
                 // ε bounds forces; soft modes have little of them.
                 assert!(case.distance(&x, &solution) < 0.1);

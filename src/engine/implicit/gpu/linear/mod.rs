@@ -1,8 +1,9 @@
-//! The linear algebra of the implicit step and its minimisation on the device; twin of the solver in `crate::implicit`.
+//! The linear algebra of the implicit step and its minimisation on the device; twin of the solver
+//! in `crate::implicit`.
 //!
-//! `lattice` and `level` say what a level of the hierarchy is and hold its memory, `stages` lists the dispatches,
-//! `hierarchy` builds the levels and the V-cycle, `smoother` their polynomials and sweeps, `lbfgs` directions and line search, and
-//! `minimiser` runs it all.
+//! `lattice` and `level` say what a level of the hierarchy is and hold its memory, `stages` lists
+//! the dispatches, `hierarchy` builds the levels and the V-cycle, `smoother` their polynomials and
+//! sweeps, `lbfgs` directions and line search, and `minimiser` runs it all.
 
 mod hierarchy;
 mod lattice;

@@ -1,4 +1,5 @@
-//! Every operator of the V-cycle against dense f64 matrices, with planted errors, for both kernels, with sliding nodes and around a period.
+//! Every operator of the V-cycle against dense f64 matrices, with planted errors, for both kernels,
+//! with sliding nodes and around a period.
 
 use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen};
 use rand::{SeedableRng, rngs::StdRng};
@@ -14,7 +15,8 @@ use crate::implicit::gpu::interface::{NO_NODE, System, slots};
 use crate::implicit::solver::objective::NodeId;
 use gridfall_core::sim::settings::{Implicit, Smoother};
 
-/// Rounding of sums of a hundred blocks in f32, the largest being much larger than the sum: some hundred units of 6e-8.
+/// Rounding of sums of a hundred blocks in f32, the largest being much larger than the sum: some
+/// hundred units of 6e-8.
 const ROUNDING: f64 = 1e-5;
 
 fn ids(gpu: &Gpu, level: &Level) -> Vec<NodeId<3>> {
@@ -49,7 +51,8 @@ fn off(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
     if d.is_nan() { f64::INFINITY } else { d }
 }
 
-/// A hierarchy with its matrices, and dense twins: matrices as the device has them, and prolongations with S.
+/// A hierarchy with its matrices, and dense twins: matrices as the device has them, and
+/// prolongations with S.
 struct Twin {
     system: System,
     hierarchy: Hierarchy,
@@ -95,7 +98,7 @@ fn each_case(check: impl Fn(Tools, &Sample, &mut StdRng)) {
     println!("seed {seed}");
     let gpu = gpu();
     for kernel in KERNELS {
-        let programs = Programs::new(Variant { kernel, mls: false, principal: false });
+        let programs = Programs::new(Variant::of_kernel(kernel));
         for periodic in [false, true] {
             let sample = Sample::new(&scene(kernel, periodic, 1e8));
             println!("{kernel:?}, periodic {periodic}: {} nodes", sample.rows());

@@ -19,8 +19,8 @@ use gridfall_scene::{self as scene, Limits};
 pub const KERNELS: [Kernel; 2] = [Kernel::Quadratic, Kernel::Compact];
 const DT_S: f64 = 0.02;
 
-/// A soft and a stiff half, jittered, on a slip floor and against a slip wall where they meet (nodes slide along planes and a line); or, if
-/// `periodic`, all around along y.
+/// A soft and a stiff half, jittered, on a slip floor and against a slip wall where they meet
+/// (nodes slide along planes and a line); or, if `periodic`, all around along y.
 pub fn scene(kernel: Kernel, periodic: bool, stiff_pa: f64) -> Problem {
     let kernel = if kernel == Kernel::Quadratic { "quadratic" } else { "compact" };
     let (boundary, width) =
@@ -160,8 +160,9 @@ impl Sample {
     }
 }
 
-/// Prolongation from coarse nodes to fine ones without S: weight 1 for an even index, ½ for both neighbours of an odd one, by axis; along an
-/// axis whose `factor` is 1 each to its like. `period` is the fine nodes'.
+/// Prolongation from coarse nodes to fine ones without S: weight 1 for an even index, ½ for both
+/// neighbours of an odd one, by axis; along an axis whose `factor` is 1 each to its like. `period`
+/// is the fine nodes'.
 pub fn prolongation(fine: &[NodeId<3>], coarse: &[NodeId<3>], period: [i32; 3], factor: [i32; 3]) -> DMatrix<f64> {
     let mut p = DMatrix::zeros(3 * fine.len(), 3 * coarse.len());
     for (j, parent) in coarse.iter().enumerate() {

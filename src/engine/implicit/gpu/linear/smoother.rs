@@ -12,10 +12,11 @@ use crate::implicit::gpu::interface::sizes;
 use crate::implicit::solver::smoother::{DEGREE, RANGE};
 use gridfall_core::sim::settings::Smoother;
 
-/// Degree of the polynomial that solves on the coarsest level, and the part of the spectrum that it damps, [λ / range, λ].
+/// Degree of the polynomial that solves on the coarsest level, and the part of the spectrum that it
+/// damps, [λ / range, λ].
 const COARSE_DEGREE: u32 = 30;
 const COARSE_RANGE: f32 = 400.0;
-const _: () = assert!(COARSE_DEGREE as usize <= MAX_DEGREE && DEGREE as usize <= MAX_DEGREE);
+const _: () = assert!(COARSE_DEGREE as usize <= MAX_DEGREE && DEGREE <= MAX_DEGREE);
 /// Lanczos steps towards the largest eigenvalue.
 const LANCZOS_STEPS: usize = 12;
 
@@ -80,8 +81,8 @@ fn symmetric_sweep(list: &mut Dispatches, tools: Tools, level: &Level, at: usize
     Ok(at)
 }
 
-/// Nodes of one colour are no neighbours: 27 colours of the quadratic kernel's nodes, 16 of the compact pair's in half cells. Around a periodic
-/// axis there may have to be more.
+/// Nodes of one colour are no neighbours: 27 colours of the quadratic kernel's nodes, 16 of the
+/// compact pair's in half cells. Around a periodic axis there may have to be more.
 fn colours(level: &Level) -> Vec<Colour> {
     let half = level.shape.grids == 2;
     let apart = if half { 4 } else { 3 };
