@@ -73,8 +73,8 @@ fn load_velocities(lane: u32) {
 fn node_velocity(grid: u32, n: vec3<i32>) -> vec3<f32> {
     let u = vec3<u32>(n);
     let at = grid * READ_NODES + u.x + READ * u.y + READ * READ * u.z;
-    let n = READ_NODES * GRIDS;
-    return vec3<f32>(velocity_tile[at], velocity_tile[at + n], velocity_tile[at + 2u * n]);
+    let stride = READ_NODES * GRIDS;
+    return vec3<f32>(velocity_tile[at], velocity_tile[at + stride], velocity_tile[at + 2u * stride]);
 }
 
 /// Mass of a node of the read tile (kg), from the grid.
