@@ -2,50 +2,24 @@
 
 use std::mem::offset_of;
 
-use gridfall_core::sim::setup::Kernel;
 use gridfall_engine::explicit::gpu::layout;
-use gridfall_engine::explicit::gpu::shaders::{Stage, source};
-use gridfall_engine::implicit::gpu::linear::kernels::{self, Kernel as Linear};
+use gridfall_engine::gpu::{Shader, Variant, WORKGROUP};
+use gridfall_engine::implicit::gpu::layout as implicit;
 use gridfall_engine::implicit::gpu::linear::layout as linear;
-use gridfall_engine::implicit::gpu::{layout as implicit, shaders};
+use gridfall_engine::programs::programs;
 
-fn parse_text(name: &str, text: &str) -> naga::Module {
-    naga::front::wgsl::parse_str(text).unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(text)))
-}
-
-fn validate(name: &str, module: &naga::Module) {
-    naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::all())
-        .validate(module)
-        .unwrap_or_else(|e| panic!("{name}: {e:?}"));
-}
-
-fn parse(stage: Stage, kernel: Kernel) -> naga::Module {
-    parse_text(&format!("{} ({kernel:?})", stage.name()), &source(stage, kernel))
-}
-
-fn parse_linear(stage: Linear, kernel: Kernel) -> naga::Module {
-    parse_text(&format!("{} ({kernel:?})", stage.name()), &kernels::source(stage, kernel))
+/// A program in one of its variants.
+fn parse(name: &str) -> naga::Module {
+    let variant = Variant::all().next().unwrap();
+    let shader = Shader::new(name, variant, WORKGROUP).unwrap_or_else(|e| panic!("{name}: {e}"));
+    naga::front::wgsl::parse_str(&shader.wgsl).unwrap()
 }
 
 #[test]
-fn every_stage_is_valid_for_both_kernels() {
-    for kernel in [Kernel::Compact, Kernel::Quadratic] {
-        for stage in Stage::ALL {
-            validate(stage.name(), &parse(stage, kernel));
-        }
-        for stage in shaders::Stage::ALL {
-            let text = shaders::source(stage, kernel);
-            validate(stage.name(), &parse_text(stage.name(), &text));
-            let buffers = shaders::used(&text).len();
-            assert!(buffers <= 32, "{} names {buffers} buffers", stage.name());
-        }
-        for &stage in Linear::ALL {
-            validate(stage.name(), &parse_linear(stage, kernel));
-        }
-    }
-    for (name, text) in shaders::SCAN {
-        validate(name, &parse_text(name, text));
-    }
+fn every_program_is_valid() {
+    let programs = programs().unwrap_or_else(|e| panic!("{e}"));
+    println!("{} programs", programs.len());
+    assert!(programs.iter().all(|shader| !shader.bindings.is_empty()));
 }
 
 macro_rules! twin {
@@ -64,10 +38,10 @@ macro_rules! twin {
 
 #[test]
 fn shared_structs_agree() {
-    let m = parse(Stage::G2p2g, Kernel::Compact);
+    let m = parse("explicit/g2p2g");
     twin!(m, Params: blocks, particles, cells, dx, gravity, dt, pad, capacity, periodic, colliders, mass_scale,
         momentum_scale, soft_shift, first_step, soft_demand, soft_growth, live, spare1, walls);
-    twin!(m, Status: halt, error, error_particle, max_shift, max_speed, step, index, work_count, cursor, stale, needed,
+    twin!(m, Report: halt, error, error_particle, max_shift, max_speed, step, index, work_count, cursor, stale, needed,
         max_demand, isolated, finished, groups);
     twin!(m, Body: mass, volume, material, demand);
     twin!(m, Material: model, a, b, c, d, e, spare0, spare1);
@@ -75,19 +49,19 @@ fn shared_structs_agree() {
     twin!(m, Collider: first, count, kind, friction);
     twin!(m, Pose: r0, r1, r2, linear, angular, center);
     twin!(m, Work: block, start, count, unused);
-    let m = parse_text("boundary", &shaders::source(shaders::Stage::Boundary, Kernel::Compact));
+    let m = parse("implicit/boundary");
     twin!(m, implicit, Params: blocks, particles, cells, dx, gravity, dt, pad, capacity, periodic, colliders, room, stride, rows,
         mass_floor, walls);
-    twin!(m, implicit, Status: error, error_particle, max_shift, max_speed, blocks, rows, separating, released,
+    twin!(m, implicit, Report: error, error_particle, max_shift, max_speed, blocks, rows, separating, released,
         rubbing, spare0, spare1, spare2);
     twin!(m, implicit, Sweep: r0, r1, r2);
     twin!(m, implicit, Touch: normal, velocity, arm, impulse);
-    let m = parse_linear(Linear::GaussSeidel, Kernel::Compact);
+    let m = parse("implicit/linear/gauss_seidel");
     twin!(m, linear, Level: low, rows, blocks, stride, period, grids, groups, degree, range, sliding, factor, spare);
     twin!(m, linear, Colour: colour, half, counts, spare);
-    let m = parse_linear(Linear::Decide, Kernel::Compact);
+    let m = parse("implicit/linear/decide");
     twin!(m, linear, State: energy, residual2, slope, alpha, halvings, flags, spare);
-    let m = parse_linear(Linear::Ritz, Kernel::Compact);
+    let m = parse("implicit/linear/ritz");
     twin!(m, linear, Lanczos: count, rz, spare0, spare1, alpha, beta);
 }
 
@@ -102,7 +76,7 @@ fn constant(module: &naga::Module, name: &str) -> u32 {
 
 #[test]
 fn shared_constants_agree() {
-    let m = parse(Stage::G2p2g, Kernel::Compact);
+    let m = parse("explicit/g2p2g");
     for (name, rust) in [
         ("HALT_BLOCKS", layout::HALT_BLOCKS),
         ("HALT_REPLAN", layout::HALT_REPLAN),
@@ -123,7 +97,7 @@ fn shared_constants_agree() {
     ] {
         assert_eq!(constant(&m, name), rust, "{name}");
     }
-    let m = parse_linear(Linear::Decide, Kernel::Compact);
+    let m = parse("implicit/linear/decide");
     for (name, rust) in [
         ("ACCEPTED", linear::ACCEPTED),
         ("INDEFINITE", linear::INDEFINITE),

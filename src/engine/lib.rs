@@ -8,5 +8,6 @@ pub mod explicit;
 pub mod gpu;
 pub mod implicit;
 mod keys;
+pub mod programs;
 
 pub use contract::{Backend, Control, Engine, EngineError, FrameStats, NoControl, Solve};

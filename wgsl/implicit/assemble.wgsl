@@ -1,6 +1,11 @@
-// The Hessian's rows: A_ij[a][c] = m_i δ + Σ_p K_p[3a + e][3c + f] g_i[e] g_j[f] (HOT §4.2), gathered.
-// One workgroup a row. Its lanes first contract K with g_i for a chunk of particles, one particle a lane; then each lane, which owns one
-// neighbour, adds up Σ_p (K g_i) g_j over the chunk. Then S_i A S_j, and trace/3 · (I - S) and friction on the diagonal.
+// The Hessian's rows: A_ij[a][c] = m_i δ + Σ_p K_p[3a + e][3c + f] g_i[e] g_j[f] (HOT §4.2),
+// gathered.
+// One workgroup a row. Its lanes first contract K with g_i for a chunk of particles, one particle a
+// lane; then each lane, which owns one neighbour, adds up Σ_p (K g_i) g_j over the chunk. Then S_i
+// A S_j, and trace/3 · (I - S) and friction on the diagonal.
+//
+// uses implicit/cells, implicit/particle, implicit/freedom, implicit/friction, implicit/neighbour
+// uses implicit/upper, shared/mls
 
 const WIDE = 128u;
 const CHUNK = 32u;
@@ -34,7 +39,11 @@ fn contract(t: u32, p: u32, g: vec3<f32>) {
 }
 
 @compute @workgroup_size(WIDE)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let row = min(group_index(group, groups), params.rows - 1u);
     let id = ids[row];
     let grid = u32(id.w);
@@ -83,7 +92,8 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
                 for (var a = 0u; a < 3u; a++) {
                     for (var c = 0u; c < 3u; c++) {
                         let m = 9u * a + 3u * c;
-                        block[c][a] += contracted[t][m] * g.x + contracted[t][m + 1u] * g.y + contracted[t][m + 2u] * g.z;
+                        block[c][a] +=
+                            contracted[t][m] * g.x + contracted[t][m + 1u] * g.y + contracted[t][m + 2u] * g.z;
                     }
                 }
             }

@@ -1,21 +1,34 @@
-// What surfaces leave of each node's freedom in this step. Twin: src/implicit/boundary.rs, which says why.
-// In: nodes' masses and velocities. Out: `freedom`, `moving` (what Δv is added to), `begin` (where the solve starts; w: how many surfaces constrain
-// the node), those surfaces in `touches`, and `row_of` = 1 for nodes that are solved for.
+// What surfaces leave of each node's freedom in this step. Twin:
+// src/engine/implicit/physics/boundary.rs, which says why.
+// In: nodes' masses and velocities. Out: `freedom`, `moving` (what Δv is added to), `begin` (where
+// the solve starts; w: how many surfaces constrain the node), those surfaces in `touches`, and
+// `row_of` = 1 for nodes that are solved for.
 // One lane a dense node.
+//
+// uses implicit/nodes, shared/distance
 
 const PARALLEL = 1e-6; // normals nearer to each other than this (sine) are one
 
 struct Rule { velocity: vec3<f32>, kept: u32, held: bool, n: array<vec3<f32>, 3> }
 
-fn keep(rule: ptr<function, Rule>, at: u32, surface: u32, contact: vec2<f32>, normal: vec3<f32>, velocity: vec3<f32>, arm: vec3<f32>,
-    falling: vec3<f32>) {
+fn keep(
+    rule: ptr<function, Rule>,
+    at: u32,
+    surface: u32,
+    contact: vec2<f32>,
+    normal: vec3<f32>,
+    velocity: vec3<f32>,
+    arm: vec3<f32>,
+    falling: vec3<f32>,
+) {
+    let of_surface = vec4<f32>(velocity, bitcast<f32>(surface));
     let kind = u32(contact.x);
     if (kind == STICKY) {
         // The last sticky surface has the last word.
         (*rule).velocity = velocity;
         (*rule).held = true;
         (*rule).kept = 1u;
-        touches[3u * at] = Touch(vec4<f32>(normal, contact.y), vec4<f32>(velocity, bitcast<f32>(surface)), vec4<f32>(arm, HOLDING), vec4<f32>(0.0));
+        touches[3u * at] = Touch(vec4<f32>(normal, contact.y), of_surface, vec4<f32>(arm, HOLDING), vec4<f32>(0.0));
         return;
     }
     if ((*rule).held || (*rule).kept == 3u || (kind != SLIP && dot(falling - velocity, normal) >= 0.0)) {
@@ -30,11 +43,13 @@ fn keep(rule: ptr<function, Rule>, at: u32, surface: u32, contact: vec2<f32>, no
         return;
     }
     n /= size;
-    // v·n of the surface must hold for its own normal; what it asks along the new direction follows from what is fixed already.
+    // v·n of the surface must hold for its own normal; what it asks along the new direction follows
+    // from what is fixed already.
     (*rule).velocity += (dot(velocity - (*rule).velocity, normal) / size) * n;
-    touches[3u * at + (*rule).kept] = Touch(vec4<f32>(n, contact.y), vec4<f32>(velocity, bitcast<f32>(surface)), vec4<f32>(arm, select(SEPARATING, SLIPPERY, kind == SLIP)), vec4<f32>(0.0));
+    let holds = vec4<f32>(arm, select(SEPARATING, SLIPPERY, kind == SLIP));
+    touches[3u * at + (*rule).kept] = Touch(vec4<f32>(n, contact.y), of_surface, holds, vec4<f32>(0.0));
     if (kind != SLIP) {
-        atomicStore(&status.separating, 1u);
+        atomicStore(&report.separating, 1u);
     }
     (*rule).n[(*rule).kept] = n;
     (*rule).kept += 1u;
@@ -42,7 +57,8 @@ fn keep(rule: ptr<function, Rule>, at: u32, surface: u32, contact: vec2<f32>, no
 
 fn meet_walls(rule: ptr<function, Rule>, at: u32, n: vec3<i32>, falling: vec3<f32>) {
     for (var a = 0u; a < 3u; a++) {
-        // Of the compact kernel's pairs both nodes belong to the wall or neither (src/sim/contact.rs says why).
+        // Of the compact kernel's pairs both nodes belong to the wall or neither
+        // (src/core/sim/contact.rs says why).
         let upper = n[a] >= i32(params.cells[a]) && n[a] > 0;
         if (params.periodic[a] == 0u && (n[a] <= 0 || upper)) {
             let wall = 2u * a + select(0u, 1u, upper);
@@ -66,18 +82,23 @@ fn meet_colliders(rule: ptr<function, Rule>, at: u32, x: vec3<f32>, falling: vec
         let arm = x - pose.center.xyz;
         let h = vec4<f32>(arm, 1.0);
         let velocity = vec3<f32>(dot(sweeps[c].r0, h), dot(sweeps[c].r1, h), dot(sweeps[c].r2, h));
-        keep(rule, at, 6u + c, vec2<f32>(f32(collider.kind), collider.friction), surface_normal(collider, pose, local, params.dx), velocity, arm,
-            falling);
+        let contact = vec2<f32>(f32(collider.kind), collider.friction);
+        let normal = surface_normal(collider, pose, local, params.dx);
+        keep(rule, at, 6u + c, contact, normal, velocity, arm, falling);
     }
 }
 
 @compute @workgroup_size(LANES)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let at = item(group, groups, lane);
     if (at >= params.capacity * GRIDS * 64u) {
         return;
     }
-    if (at >= status.blocks * GRIDS * 64u) {
+    if (at >= report.blocks * GRIDS * 64u) {
         row_of[at] = 0u;
         return;
     }

@@ -1,12 +1,16 @@
-// Cells that particles are sorted by: all particles of one touch the same nodes. Quadratic: one a node. Compact: eight, because the two
-// grids' nodes change at different places, floor(y) and floor(y + ½).
+// Cells that particles are sorted by: all particles of one touch the same nodes. Quadratic: one a
+// node. Compact: eight, because the two grids' nodes change at different places, floor(y) and
+// floor(y + ½).
+//
+// uses implicit/nodes
 
 const SUB = GRIDS;             // cells a node along an axis
 const ACROSS = 4u * SUB;       // cells a block along an axis
 const IN_BLOCK = ACROSS * ACROSS * ACROSS;
 /// Cells along an axis whose particles touch a node.
 const WINDOW = select(3, 4, GRIDS == 2u);
-/// Runs of cells, one behind the other in the sorted order, that a node gathers from: each row of cells may lie in two blocks.
+/// Runs of cells, one behind the other in the sorted order, that a node gathers from: each row of
+/// cells may lie in two blocks.
 const RUNS = u32(WINDOW * WINDOW) * 2u;
 
 /// Cell of a particle in its block.

@@ -1,5 +1,8 @@
-// Rows of each row's neighbours: those nodes that some particle can touch together with it. Slots: src/gpu/implicit/interface.rs.
+// Rows of each row's neighbours: those nodes that some particle can touch together with it. Slots:
+// src/engine/implicit/gpu/interface.rs.
 // One lane a row and slot, rows along the lanes.
+//
+// uses implicit/nodes, implicit/neighbour
 
 @compute @workgroup_size(LANES)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {

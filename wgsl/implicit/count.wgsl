@@ -1,7 +1,14 @@
-// Counts the particles of each cell. One lane a particle; counts are integers, and the ranks that lanes get do not decide the order.
+// Counts the particles of each cell. One lane a particle; counts are integers, and the ranks that
+// lanes get do not decide the order.
+//
+// uses implicit/cells
 
 @compute @workgroup_size(LANES)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let i = item(group, groups, lane);
     if (i >= params.particles) {
         return;

@@ -1,8 +1,12 @@
-// Energy, P and the projected ∂P/∂F of the laws for the implicit step. Twins: src/material/derivatives.rs, src/material/stiffness.rs and the laws
-// beside them. Needs Material (shared/layout.wgsl), shared/state.wgsl, shared/polar.wgsl and shared/materials/*.
+// Energy, P and the projected ∂P/∂F of the laws for the implicit step. Twins:
+// src/core/material/derivatives.rs, src/core/material/stiffness.rs and the laws beside them. Needs
+// Material (shared/layout.wgsl), shared/state.wgsl, shared/polar.wgsl and shared/materials/*.
 //
-// F = U Σ Vᵀ; with dF' = Uᵀ dF V the derivative is A on the diagonal, and for each pair of axes [[x, y], [y, x]] on (dF'_ij, dF'_ji).
+// F = U Σ Vᵀ; with dF' = Uᵀ dF V the derivative is A on the diagonal, and for each pair of axes
+// [[x, y], [y, x]] on (dF'_ij, dF'_ji).
 // Energies are sums of small terms, never differences of large ones: a line search compares them.
+//
+// uses shared/state
 
 /// ψ(σ) (J/m³), ∂ψ/∂σ_i and ∂²ψ/∂σ_i∂σ_j (Pa).
 struct Derivatives { energy: f32, gradient: vec3<f32>, hessian: mat3x3<f32> }
@@ -12,7 +16,8 @@ struct Projected { U: mat3x3<f32>, V: mat3x3<f32>, A: mat3x3<f32>, B: array<vec2
 
 /// Below it logarithmic strain is its tangent.
 const EXTENSION = 0.1;
-/// Relative difference of stretches below which a quotient of differences has fewer digits than a derivative: ε^(1/3).
+/// Relative difference of stretches below which a quotient of differences has fewer digits than a
+/// derivative: ε^(1/3).
 const NEAR = 5e-3;
 const LEAST_SUM = 1e-6;
 /// What a forbidden state costs (J/m³): sums of it are infinite or beyond any energy of a body.
@@ -25,7 +30,8 @@ fn exp_excess(x: vec3<f32>) -> vec3<f32> {
     return select(exp(x) - 1.0 - x, series, abs(x) < vec3<f32>(0.5));
 }
 
-/// x - ln(1 + x), as its series Σ (-x)^k/k from k = 2 through z = x/(2 + x): ln(1 + x) = 2 atanh z and x - 2z = x z.
+/// x - ln(1 + x), as its series Σ (-x)^k/k from k = 2 through z = x/(2 + x): ln(1 + x) = 2 atanh z
+/// and x - 2z = x z.
 fn ln_excess(x: f32) -> f32 {
     let z = x / (2.0 + x);
     let z2 = z * z;
@@ -174,7 +180,8 @@ fn principal_derivatives(material: Material, sigma: vec3<f32>, plastic: f32) -> 
     return out;
 }
 
-/// The nearest positive semidefinite matrix to a symmetric one (Higham 1988): itself, or ½ (A + (A²)^½).
+/// The nearest positive semidefinite matrix to a symmetric one (Higham 1988): itself, or ½ (A +
+/// (A²)^½).
 fn semidefinite(a: mat3x3<f32>) -> mat3x3<f32> {
     let minor = a[0].x * a[1].y - a[0].y * a[0].y;
     if (a[0].x > 0.0 && minor > 0.0 && determinant(a) > 0.0) {
@@ -193,7 +200,11 @@ fn projected_derivative(material: Material, F: mat3x3<f32>, plastic: f32) -> Pro
     out.V = s.v;
     out.A = semidefinite(d.hessian);
     let h = d.hessian;
-    let near = vec3<f32>(0.5 * (h[1].y + h[2].z) - h[1].z, 0.5 * (h[2].z + h[0].x) - h[2].x, 0.5 * (h[0].x + h[1].y) - h[0].y);
+    let near = vec3<f32>(
+        0.5 * (h[1].y + h[2].z) - h[1].z,
+        0.5 * (h[2].z + h[0].x) - h[2].x,
+        0.5 * (h[0].x + h[1].y) - h[0].y,
+    );
     let a = s.sigma.yzx;
     let b = s.sigma.zxy;
     let difference = a - b;

@@ -1,4 +1,7 @@
-// S: the directions in which a node may move. Twin: implicit::objective::Freedom.
+// S: the directions in which a node may move. Twin: `Freedom` in
+// src/engine/implicit/solver/objective.rs.
+//
+// uses implicit/layout
 
 fn projection(f: vec4<f32>) -> mat3x3<f32> {
     let identity = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);

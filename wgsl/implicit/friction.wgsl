@@ -1,5 +1,8 @@
-// Coulomb friction of a surface at a node as a dissipative part of the potential, µ J f(|u|) for sliding at u, smoothed below the speed ε.
-// Twin: src/implicit/friction.rs, which says why.
+// Coulomb friction of a surface at a node as a dissipative part of the potential, µ J f(|u|) for
+// sliding at u, smoothed below the speed ε.
+// Twin: src/engine/implicit/physics/friction.rs, which says why.
+//
+// uses implicit/layout
 
 /// Sliding below this way a step (dx) counts as sticking.
 const STICKING = 1e-4;

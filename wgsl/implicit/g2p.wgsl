@@ -1,11 +1,19 @@
-// The particles at the step's end (CK-MPM eqs. 20–25): v = share Σ w v_i, B = share Σ w v_i dᵀ, F ← (I + dt ∇v) F and back to the yield surface (HOT §4.1:
-// plasticity is lagged), x ← x + dt v. Out: the unsorted buffers, so that the sorted ones still hold the step's start.
+// The particles at the step's end (CK-MPM eqs. 20–25): v = share Σ w v_i, B = share Σ w v_i dᵀ, F ←
+// (I + dt ∇v) F and back to the yield surface (HOT §4.1:
+// plasticity is lagged), x ← x + dt v. Out: the unsorted buffers, so that the sorted ones still
+// hold the step's start.
 // One workgroup a block, one lane a particle at a time.
+//
+// uses implicit/cells, implicit/particle, implicit/plastic, implicit/tile
 
 @compute @workgroup_size(LANES)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let slot = group_index(group, groups);
-    let there = slot < status.blocks;
+    let there = slot < report.blocks;
     if (there) {
         for (var t = lane; t < TILE * GRIDS; t += LANES) {
             let at = dense_node(tile_node(block_list[slot], t % TILE), t / TILE);
@@ -31,7 +39,8 @@ fn advance(slot: u32, p: u32) {
     let model = materials[bodies[tag[p].y].material].model;
     var s = stencil(y);
     let first = tile_at(s.base[0], 0u);
-    // Sums of differences: Σ w = 1 holds only to rounding, which would otherwise be a steady gain or loss of momentum.
+    // Sums of differences: Σ w = 1 holds only to rounding, which would otherwise be a steady gain
+    // or loss of momentum.
     var v = vec3<f32>(0.0);
     var B: mat3x3<f32>;
     for (var grid = 0u; grid < GRIDS; grid++) {
@@ -62,8 +71,8 @@ fn advance(slot: u32, p: u32) {
         fail(ERROR_NAN, id);
         return;
     }
-    atomicMax(&status.max_shift, bitcast<u32>(farthest));
-    atomicMax(&status.max_speed, bitcast<u32>(length(v)));
+    atomicMax(&report.max_shift, bitcast<u32>(farthest));
+    atomicMax(&report.max_speed, bitcast<u32>(length(v)));
     let moved = y + shift;
     let corner = block_coordinates(position[p].w);
     let x = vec3<f32>(4 * corner - params.pad) + moved + SHIFT;

@@ -1,11 +1,18 @@
-// Second half of the objective: ∇E_i = S (m_i (Δv_i - dt g) + dt Σ V0 P Fⁿᵀ g_i), and the nodes' energies m (½ |Δv|² - dt g·Δv); with friction where
-// it is known how strong.
+// Second half of the objective: ∇E_i = S (m_i (Δv_i - dt g) + dt Σ V0 P Fⁿᵀ g_i), and the nodes'
+// energies m (½ |Δv|² - dt g·Δv); with friction where it is known how strong.
 // One workgroup a block and grid, one lane a node, which gathers in the order of the particles.
+//
+// uses implicit/cells, implicit/particle, implicit/shape, implicit/freedom, implicit/friction
+// uses implicit/pair
 
 @compute @workgroup_size(LANES)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let k = group_index(group, groups);
-    let there = k < status.blocks * GRIDS && control[0] == 0u;
+    let there = k < report.blocks * GRIDS && control[0] == 0u;
     var row = NO_NODE;
     if (there) {
         row = row_of[k * 64u + lane];
@@ -40,6 +47,6 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     }
     let total = sum_lanes(sum, lane);
     if (there && lane == 0u) {
-        partials[status.blocks + k] = total;
+        partials[report.blocks + k] = total;
     }
 }

@@ -1,11 +1,20 @@
-// What surfaces give the nodes that they constrain, at Δv: ∇E before projection and without friction, m (Δv - dt g) + dt Σ V0 P Fⁿᵀ g_i, shared out as
-// in Boundary::reactions of src/implicit/boundary.rs; and the strength µ J of their friction (Boundary::drags).
-// In: `push` at Δv. Out: `touches.impulse`, and sums for `weigh`. One workgroup a block and grid, one lane a node, which gathers in the order of the particles.
+// What surfaces give the nodes that they constrain, at Δv: ∇E before projection and without
+// friction, m (Δv - dt g) + dt Σ V0 P Fⁿᵀ g_i, shared out as in Boundary::reactions of
+// src/engine/implicit/physics/boundary.rs; and the strength µ J of their friction
+// (Boundary::drags).
+// In: `push` at Δv. Out: `touches.impulse`, and sums for `weigh`. One workgroup a block and grid,
+// one lane a node, which gathers in the order of the particles.
+//
+// uses implicit/cells, implicit/particle, implicit/shape, implicit/pressure
 
 @compute @workgroup_size(LANES)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let k = group_index(group, groups);
-    let there = k < status.blocks * GRIDS;
+    let there = k < report.blocks * GRIDS;
     let at = k * 64u + lane;
     var press = vec3<f32>(0.0);
     if (there) {
@@ -47,7 +56,8 @@ fn given_to(k: u32, at: u32, lane: u32) -> vec3<f32> {
     return force + node[at].w * (change - params.dt * params.gravity);
 }
 
-/// Among the surfaces of a node; returns push and pull of a separating one that is alone, and the strength of friction.
+/// Among the surfaces of a node; returns push and pull of a separating one that is alone, and the
+/// strength of friction.
 fn share_out(at: u32, kept: u32, given: vec3<f32>) -> vec3<f32> {
     var rest = given;
     var press = vec3<f32>(0.0);

@@ -1,9 +1,15 @@
-// Buffers and structs of the implicit step. Rust twins: src/gpu/implicit/layout.rs (a test compares them) and `Slot` in buffers.rs.
+// Buffers and structs of the implicit step. Rust twins: src/engine/implicit/gpu/layout.rs; a test
+// compares them.
 //
-// Block: 4³ nodes of each grid. Slot: place of a block that particles touch, in the order of the dense table. Dense node:
-// (slot * GRIDS + grid) * 64 + x + 4 y + 16 z. Row: place of a node in the system that is solved; prescribed nodes have none.
-// Particles: y = x/dx - SHIFT (+ padding) as block and offset in [0, 4); node n of a grid lies at n + node_offset(grid) - SHIFT in y.
+// Block: 4³ nodes of each grid. Slot: place of a block that particles touch, in the order of the
+// dense table. Dense node:
+// (slot * GRIDS + grid) * 64 + x + 4 y + 16 z. Row: place of a node in the system that is solved;
+// prescribed nodes have none.
+// Particles: y = x/dx - SHIFT (+ padding) as block and offset in [0, 4); node n of a grid lies at n
+// + node_offset(grid) - SHIFT in y.
 // Before a step's sort particles lie anyhow (`_in`), after it by cell and id.
+//
+// uses shared/structs, shared/blocks
 
 struct Params {
     blocks: vec3<u32>,       // extent of the dense block table
@@ -23,7 +29,7 @@ struct Params {
     walls: array<vec4<f32>, 6>, // x-, x+, y-, y+, z-, z+: contact kind, friction, unused, unused
 }
 
-struct Status {
+struct Report {
     error: atomic<u32>,          // ERROR_* bits
     error_particle: atomic<u32>, // lowest id that raised one
     max_shift: atomic<u32>,      // largest displacement of the step along an axis in cells, f32 bits
@@ -38,66 +44,61 @@ struct Status {
     spare2: u32,
 }
 
-// Which velocity a collider has in the step: v = rows · (x - center, 1), so that x + dt v is where the turning surface takes x.
+// Which velocity a collider has in the step: v = rows · (x - center, 1), so that x + dt v is where
+// the turning surface takes x.
 struct Sweep { r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32> }
 
-// A surface that constrains a node. normal.w: friction; velocity.w: the surface's place among all, as bits; arm: from its centre to the node (m), w = HOLDING,
-// SLIPPERY or SEPARATING; impulse: what it gives the node (N s), w = strength of its friction, µ J.
+// A surface that constrains a node. normal.w: friction; velocity.w: the surface's place among all,
+// as bits; arm: from its centre to the node (m), w = HOLDING, SLIPPERY or SEPARATING; impulse: what
+// it gives the node (N s), w = strength of its friction, µ J.
 struct Touch { normal: vec4<f32>, velocity: vec4<f32>, arm: vec4<f32>, impulse: vec4<f32> }
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read_write> status: Status;
-@group(0) @binding(2) var<storage, read_write> table: array<u32>;            // block -> slot + 1, 0 = no particle near
-@group(0) @binding(2) var<storage, read_write> marks: array<atomic<u32>>;    // the same, while blocks are being marked
-@group(0) @binding(3) var<storage, read_write> block_list: array<u32>;       // slot -> block
-@group(0) @binding(4) var<storage, read_write> prefix: array<u32>;           // sums before an entry, of blocks, then of rows
-@group(0) @binding(5) var<storage, read_write> counts: array<atomic<u32>>;   // particles a cell (of a slot)
-@group(0) @binding(6) var<storage, read_write> starts: array<u32>;           // first particle of a cell, and one more
-@group(0) @binding(7) var<storage, read_write> list: array<u32>;             // sorted place -> unsorted place
-@group(0) @binding(8) var<storage, read_write> keys: array<vec2<u32>>;       // unsorted place -> cell, rank in it
+@group(0) @binding(1) var<storage, read_write> report: Report;
+@group(0) @binding(3) var<storage, read_write> block_list: array<u32>; // slot -> block
+@group(0) @binding(4) var<storage, read_write> prefix: array<u32>; // sums before an entry, of blocks, then of rows
+@group(0) @binding(5) var<storage, read_write> counts: array<atomic<u32>>; // particles a cell (of a slot)
+@group(0) @binding(6) var<storage, read_write> starts: array<u32>; // first particle of a cell, and one more
+@group(0) @binding(7) var<storage, read_write> list: array<u32>; // sorted place -> unsorted place
+@group(0) @binding(8) var<storage, read_write> keys: array<vec2<u32>>; // unsorted place -> cell, rank in it
 @group(0) @binding(9) var<storage, read_write> position_in: array<vec4<u32>>; // offset in block (f32 bits), block
-@group(0) @binding(10) var<storage, read_write> tag_in: array<vec2<u32>>;    // id, body
-@group(0) @binding(11) var<storage, read_write> state_in: array<f32>;        // channel-major: v, B/dx and F by columns, plastic state
+@group(0) @binding(10) var<storage, read_write> tag_in: array<vec2<u32>>; // id, body
+@group(0) @binding(11) var<storage, read_write> state_in: array<f32>; // channel-major: v, B/dx, F, plastic state
 @group(0) @binding(12) var<storage, read_write> position: array<vec4<u32>>;
 @group(0) @binding(13) var<storage, read_write> tag: array<vec2<u32>>;
 @group(0) @binding(14) var<storage, read_write> state: array<f32>;
-@group(0) @binding(15) var<storage, read_write> node: array<vec4<f32>>;      // dense node: velocity at the step's start, mass
-@group(0) @binding(16) var<storage, read_write> node_scale: array<f32>;      // ξ_i = Σ w m ξ_p / m_i (Pa)
-@group(0) @binding(17) var<storage, read_write> moving: array<vec4<f32>>;    // velocity that Δv is added to; after the step, the velocity
-@group(0) @binding(18) var<storage, read_write> freedom: array<vec4<f32>>;   // as `freedoms`; w = PRESCRIBED, NOWHERE
-@group(0) @binding(19) var<storage, read_write> begin: array<vec4<f32>>;     // velocity that the solve begins with
-@group(0) @binding(20) var<storage, read_write> row_of: array<u32>;          // dense node -> row or NO_NODE
-@group(0) @binding(21) var<storage, read_write> predicted: array<f32>;       // channel-major: (I + dt ∇v) F for the velocities `moving`
-@group(0) @binding(22) var<storage, read_write> push: array<f32>;            // channel-major: matrix A of what particles bring to nodes, w A d or A ∇w
-@group(0) @binding(23) var<storage, read_write> tensor: array<f32>;          // channel-major: upper triangle of the 9 × 9 stiffness
-@group(0) @binding(24) var<storage, read_write> partials: array<vec2<f32>>;  // energy (high, low) by block, then by block and grid
-@group(0) @binding(25) var<storage, read_write> bodies: array<Body>;
-@group(0) @binding(26) var<storage, read_write> materials: array<Material>;
-@group(0) @binding(27) var<storage, read_write> characteristic: array<f32>;  // ξ_p by body (Pa)
-@group(0) @binding(28) var<storage, read_write> sdf_ops: array<SdfOp>;
-@group(0) @binding(29) var<storage, read_write> sdf_samples: array<f32>;
-@group(0) @binding(30) var<storage, read_write> colliders: array<Collider>;
-@group(0) @binding(31) var<storage, read_write> poses: array<Pose>;          // at the step's start
-@group(0) @binding(32) var<storage, read_write> sweeps: array<Sweep>;
-@group(0) @binding(33) var<storage, read_write> ids: array<vec4<i32>>;       // from here on: src/gpu/implicit/interface.rs
+@group(0) @binding(15) var<storage, read_write> node: array<vec4<f32>>; // dense node: velocity at the start, mass
+@group(0) @binding(16) var<storage, read_write> node_scale: array<f32>; // ξ_i = Σ w m ξ_p / m_i (Pa)
+@group(0) @binding(17) var<storage, read_write> moving: array<vec4<f32>>; // what Δv is added to; at last, the sum
+@group(0) @binding(18) var<storage, read_write> freedom: array<vec4<f32>>; // as `freedoms`; w = PRESCRIBED, NOWHERE
+@group(0) @binding(19) var<storage, read_write> begin: array<vec4<f32>>; // velocity that the solve begins with
+@group(0) @binding(20) var<storage, read_write> row_of: array<u32>; // dense node -> row or NO_NODE
+@group(0) @binding(21) var<storage, read_write> predicted: array<f32>; // channel-major: (I + dt ∇v) F for `moving`
+@group(0) @binding(22) var<storage, read_write> push: array<f32>; // channel-major: A of what nodes get, w A d or A ∇w
+@group(0) @binding(23) var<storage, read_write> tensor: array<f32>; // channel-major: upper half of the 9 × 9 stiffness
+@group(0) @binding(24) var<storage, read_write> partials: array<vec2<f32>>; // energy by block, then by block and grid
+@group(0) @binding(25) var<storage, read> bodies: array<Body>;
+@group(0) @binding(26) var<storage, read> materials: array<Material>;
+@group(0) @binding(27) var<storage, read> characteristic: array<f32>; // ξ_p by body (Pa)
+@group(0) @binding(28) var<storage, read> sdf_ops: array<SdfOp>;
+@group(0) @binding(29) var<storage, read> sdf_samples: array<f32>;
+@group(0) @binding(30) var<storage, read> colliders: array<Collider>;
+@group(0) @binding(31) var<storage, read> poses: array<Pose>; // at the step's start
+@group(0) @binding(32) var<storage, read> sweeps: array<Sweep>;
+@group(0) @binding(33) var<storage, read_write> ids: array<vec4<i32>>; // from here on: `System`
 @group(0) @binding(34) var<storage, read_write> columns: array<u32>;
 @group(0) @binding(35) var<storage, read_write> values: array<f32>;
 @group(0) @binding(36) var<storage, read_write> freedoms: array<vec4<f32>>;
 @group(0) @binding(37) var<storage, read_write> masses: array<f32>;
 @group(0) @binding(38) var<storage, read_write> scales: array<f32>;
 @group(0) @binding(39) var<storage, read_write> dv: array<f32>;
-@group(0) @binding(40) var<storage, read_write> trial: array<f32>;
+@group(0) @binding(40) var<storage, read> trial: array<f32>;
 @group(0) @binding(41) var<storage, read_write> gradient: array<f32>;
 @group(0) @binding(42) var<storage, read_write> energy: array<f32>;
-@group(0) @binding(43) var<storage, read_write> control: array<u32>;
-@group(0) @binding(44) var<storage, read_write> touches: array<Touch>;       // three a dense node
-@group(0) @binding(46) var<storage, read_write> presses: array<vec4<f32>>;   // by block and grid: push, pull (N s), friction
-@group(0) @binding(45) var<storage, read_write> reactions: array<f32>;       // block, surface, force and moment
-
-/// MLS-MPM (forces and velocity gradient through D⁻¹) instead of APIC (through kernel gradients).
-override MLS: bool = true;
-/// Whether any law of the scene works in principal space.
-override PRINCIPAL: bool = true;
+@group(0) @binding(43) var<storage, read> control: array<u32>;
+@group(0) @binding(44) var<storage, read_write> touches: array<Touch>; // three a dense node
+@group(0) @binding(45) var<storage, read_write> reactions: array<f32>; // block, surface, force and moment
+@group(0) @binding(46) var<storage, read_write> presses: array<vec4<f32>>; // block and grid: push, pull (N s), friction
 
 const LANES = 64u;
 const NO_NODE = 0xffffffffu;
@@ -115,40 +116,14 @@ const PRESCRIBED = 3.0;
 const NOWHERE = 4.0;
 
 const ERROR_NAN = 1u;
-const ERROR_CFL = 2u;
 const ERROR_DOMAIN = 4u;
 
 fn fail(code: u32, id: u32) {
-    atomicOr(&status.error, code);
-    atomicMin(&status.error_particle, id);
+    atomicOr(&report.error, code);
+    atomicMin(&report.error_particle, id);
 }
 
 /// Item of a lane in a dispatch of LANES wide workgroups.
 fn item(group: vec3<u32>, groups: vec3<u32>, lane: u32) -> u32 {
     return group_index(group, groups) * LANES + lane;
 }
-
-/// Slot of a block, wrapped on periodic axes; NO_NODE if no particle is near.
-fn slot_of(block: vec3<i32>) -> u32 {
-    let b = block_index(block);
-    if (b < 0) {
-        return NO_NODE;
-    }
-    return table[b] - 1u; // 0 - 1 = NO_NODE
-}
-
-/// A node's place among the dense ones, for coordinates in the table.
-fn dense_node(n: vec3<i32>, grid: u32) -> u32 {
-    let slot = slot_of(n >> vec3<u32>(2u));
-    if (slot == NO_NODE) {
-        return NO_NODE;
-    }
-    let local = vec3<u32>(n & vec3<i32>(3));
-    return (slot * GRIDS + grid) * 64u + local.x + 4u * local.y + 16u * local.z;
-}
-
-/// Coordinates in the table of a lane's node of a block.
-fn node_of(block: u32, lane: u32) -> vec3<i32> {
-    return 4 * block_coordinates(block) + vec3<i32>(vec3<u32>(lane & 3u, (lane >> 2u) & 3u, lane >> 4u));
-}
-

@@ -1,8 +1,16 @@
 // Marks the blocks whose nodes particles touch: nodes floor(y) … floor(y) + 2 along each axis.
 // One lane a particle; a block's mark is set to 1 by however many lanes.
+//
+// uses implicit/layout
+
+@group(0) @binding(2) var<storage, read_write> table: array<atomic<u32>>;
 
 @compute @workgroup_size(LANES)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let i = item(group, groups, lane);
     if (i >= params.particles) {
         return;
@@ -16,7 +24,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         if (block < 0) {
             fail(ERROR_DOMAIN, tag_in[i].x);
         } else {
-            atomicStore(&marks[block], 1u);
+            atomicStore(&table[block], 1u);
         }
     }
 }

@@ -1,4 +1,6 @@
 // The slots of a row: x slowest, z fastest.
+//
+// uses shared/kernel_*
 
 const SLOTS = select(125u, 91u, GRIDS == 2u);
 

@@ -1,8 +1,15 @@
-// Gives marked blocks their slots, in the order of the table. In: marks, and their sums before each block.
+// Gives marked blocks their slots, in the order of the table. In: marks, and their sums before each
+// block.
 // One lane a block of the table.
+//
+// uses implicit/nodes
 
 @compute @workgroup_size(LANES)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let b = item(group, groups, lane);
     if (b >= arrayLength(&table)) {
         return;
@@ -10,7 +17,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let slot = prefix[b];
     let marked = table[b] != 0u;
     if (b == arrayLength(&table) - 1u) {
-        status.blocks = slot + select(0u, 1u, marked);
+        report.blocks = slot + select(0u, 1u, marked);
     }
     if (marked && slot < params.capacity) {
         table[b] = slot + 1u;

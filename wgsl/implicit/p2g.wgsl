@@ -1,11 +1,18 @@
 // Nodes' masses, velocities and stiffness scales (CK-MPM eqs. 15–17; HOT eq. 9):
 //     m_i = Σ w m,  v_i = Σ w m (v + C d) / m_i,  ξ_i = Σ w m ξ_p / m_i.
-// In: sorted particles, C in `push`. One workgroup a block and grid, one lane a node, which gathers in the order of the particles.
+// In: sorted particles, C in `push`. One workgroup a block and grid, one lane a node, which gathers
+// in the order of the particles.
+//
+// uses implicit/cells, implicit/particle, implicit/shape
 
 @compute @workgroup_size(LANES)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let k = group_index(group, groups);
-    if (k >= status.blocks * GRIDS || k >= params.capacity * GRIDS) {
+    if (k >= report.blocks * GRIDS || k >= params.capacity * GRIDS) {
         return;
     }
     let grid = k % GRIDS;

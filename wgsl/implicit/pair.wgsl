@@ -1,4 +1,7 @@
-// Sums kept as an unevaluated pair (high, low) of floats, so that a sum over millions has the precision of its terms.
+// Sums kept as an unevaluated pair (high, low) of floats, so that a sum over millions has the
+// precision of its terms.
+//
+// uses implicit/layout
 
 /// Knuth's two-sum, and the low parts beside it.
 fn add_pairs(a: vec2<f32>, b: vec2<f32>) -> vec2<f32> {

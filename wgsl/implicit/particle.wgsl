@@ -1,4 +1,6 @@
 // Loads of a sorted particle's state.
+//
+// uses implicit/layout
 
 fn velocity_of(p: u32) -> vec3<f32> {
     return vec3<f32>(state[p], state[params.room + p], state[2u * params.room + p]);

@@ -1,10 +1,16 @@
 // (I + dt ∇v) F for the velocities that Δv is added to, so that a trial adds dt ∇(Δv) F.
 // One workgroup a block, one lane a particle at a time.
+//
+// uses implicit/cells, implicit/particle, implicit/tile
 
 @compute @workgroup_size(LANES)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let slot = group_index(group, groups);
-    let there = slot < status.blocks;
+    let there = slot < report.blocks;
     if (there) {
         for (var t = lane; t < TILE * GRIDS; t += LANES) {
             let at = dense_node(tile_node(block_list[slot], t % TILE), t / TILE);

@@ -1,4 +1,6 @@
 // What separating surfaces push or, as constraints, pull.
+//
+// uses implicit/layout
 
 /// The normal impulse (N s) of a separating surface; 0 of others.
 fn pressure(touch: Touch) -> f32 {

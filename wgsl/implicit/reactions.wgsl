@@ -1,12 +1,19 @@
-// Adds up what surfaces took. Out: force and moment by block and surface (`reactions`, six values), which the host adds up.
+// Adds up what surfaces took. Out: force and moment by block and surface (`reactions`, six values),
+// which the host adds up.
 // One workgroup a block, one lane a surface, which goes through the block's nodes in order.
+//
+// uses implicit/layout, shared/kernel_*
 
 const NODES_A_BLOCK = 64u * GRIDS;
 
 @compute @workgroup_size(LANES)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let slot = group_index(group, groups);
-    if (slot >= status.blocks) {
+    if (slot >= report.blocks) {
         return;
     }
     let surfaces = 6u + params.colliders;

@@ -1,10 +1,17 @@
-// Gathers the nodes of the system into rows. In: the sums of `row_of` = 1 (in the system) or 0 before each dense node.
+// Gathers the nodes of the system into rows. In: the sums of `row_of` = 1 (in the system) or 0
+// before each dense node.
 // One lane a dense node; each row is written by one.
+//
+// uses implicit/nodes
 
 @compute @workgroup_size(LANES)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let g = item(group, groups, lane);
-    let nodes = min(status.blocks, params.capacity) * GRIDS * 64u;
+    let nodes = min(report.blocks, params.capacity) * GRIDS * 64u;
     if (g >= nodes) {
         return;
     }
@@ -12,7 +19,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let row = prefix[g];
     let solved = kind.w < PRESCRIBED;
     if (g == nodes - 1u) {
-        status.rows = row + select(0u, 1u, solved);
+        report.rows = row + select(0u, 1u, solved);
     }
     row_of[g] = NO_NODE;
     if (!solved || row >= params.stride) {

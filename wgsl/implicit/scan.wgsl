@@ -1,4 +1,7 @@
-// Sums before each entry, within chunks of 2048, and the chunks' totals. 256 lanes of 8 entries each; a lane reads and writes its own.
+// Sums before each entry, within chunks of 2048, and the chunks' totals. 256 lanes of 8 entries
+// each; a lane reads and writes its own.
+//
+// uses shared/prefix
 
 @group(0) @binding(0) var<storage, read_write> entries: array<u32>;
 @group(0) @binding(1) var<storage, read_write> before: array<u32>; // one more than `entries`
@@ -7,10 +10,12 @@
 const LANES = 256u;
 const EACH = 8u;
 
-var<workgroup> sums: array<u32, LANES>;
-
 @compute @workgroup_size(LANES)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let chunk = group.y * groups.x + group.x;
     let n = arrayLength(&entries);
     let first = (chunk * LANES + lane) * EACH;
@@ -18,17 +23,8 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     for (var i = first; i < min(first + EACH, n); i++) {
         mine += entries[i];
     }
-    sums[lane] = mine;
-    for (var reach = 1u; reach < LANES; reach *= 2u) {
-        workgroupBarrier();
-        var left = 0u;
-        if (lane >= reach) {
-            left = sums[lane - reach];
-        }
-        workgroupBarrier();
-        sums[lane] += left;
-    }
-    var sum = sums[lane] - mine;
+    let upto = inclusive(lane, mine);
+    var sum = upto - mine;
     for (var i = first; i < min(first + EACH, n); i++) {
         before[i] = sum;
         sum += entries[i];
@@ -37,6 +33,6 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         before[n] = sum;
     }
     if (lane == LANES - 1u && chunk < arrayLength(&totals)) {
-        totals[chunk] = sums[lane];
+        totals[chunk] = upto;
     }
 }

@@ -1,11 +1,11 @@
 // Sums before each chunk, in place. One workgroup goes through the chunks, 256 at a time.
+//
+// uses shared/prefix
 
 @group(0) @binding(0) var<storage, read_write> entries: array<u32>;
 @group(0) @binding(2) var<storage, read_write> totals: array<u32>;
 
 const LANES = 256u;
-
-var<workgroup> sums: array<u32, LANES>;
 
 @compute @workgroup_size(LANES)
 fn main(@builtin(local_invocation_index) lane: u32) {
@@ -17,21 +17,11 @@ fn main(@builtin(local_invocation_index) lane: u32) {
         if (i < n) {
             mine = totals[i];
         }
-        sums[lane] = mine;
-        for (var reach = 1u; reach < LANES; reach *= 2u) {
-            workgroupBarrier();
-            var left = 0u;
-            if (lane >= reach) {
-                left = sums[lane - reach];
-            }
-            workgroupBarrier();
-            sums[lane] += left;
-        }
-        workgroupBarrier();
+        let upto = inclusive(lane, mine);
         if (i < n) {
-            totals[i] = carry + sums[lane] - mine;
+            totals[i] = carry + upto - mine;
         }
-        carry += sums[LANES - 1u];
+        carry += lanes[LANES - 1u];
         workgroupBarrier();
     }
 }

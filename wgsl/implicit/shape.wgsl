@@ -1,5 +1,8 @@
-// How a particle sees one node: its weight w, the distance d to it (cells), and g with ∇v = share Σ v_i g_iᵀ: ∂w/∂x, or for MLS w d, whose D⁻¹
-// is applied elsewhere. Same numbers as `stencil` of the kernel files.
+// How a particle sees one node: its weight w, the distance d to it (cells), and g with ∇v = share Σ
+// v_i g_iᵀ: ∂w/∂x, or for MLS w d, whose D⁻¹ is applied elsewhere. Same numbers as `stencil` of the
+// kernel files.
+//
+// uses shared/kernel_*, shared/mls
 
 struct Shape { w: f32, d: vec3<f32>, g: vec3<f32> }
 

@@ -1,11 +1,19 @@
-// First half of the objective at a trial Δv: particles' energies V0 ψ(F), and what their stress brings to the nodes, dt V0 P Fⁿᵀ g_i.
+// First half of the objective at a trial Δv: particles' energies V0 ψ(F), and what their stress
+// brings to the nodes, dt V0 P Fⁿᵀ g_i.
 // Out: A = dt V0 P Fⁿᵀ / dx in `push` (MLS: times D⁻¹), one energy a block in `partials`.
 // One workgroup a block, one lane a particle at a time; energies are added up in a fixed order.
+//
+// uses implicit/cells, implicit/particle, implicit/plastic, implicit/trial, implicit/derivatives
+// uses implicit/pair
 
 @compute @workgroup_size(LANES)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let slot = group_index(group, groups);
-    let there = slot < status.blocks && control[0] == 0u;
+    let there = slot < report.blocks && control[0] == 0u;
     if (there) {
         load_trial(slot, lane);
     }

@@ -1,11 +1,19 @@
-// Stiffness of the particles at a trial Δv, pushed forward: K[3a + e][3c + f] = share dt² V0 Σ (∂P_ab/∂F_cd) M_eb M_fd / dx², with M = Fⁿ, for MLS D⁻¹ Fⁿ,
-// so that A_ij[a][c] = Σ K g_i[e] g_j[f]. share: twice the energy and half of each ∇v on the compact kernel's grids.
+// Stiffness of the particles at a trial Δv, pushed forward: K[3a + e][3c + f] = share dt² V0 Σ
+// (∂P_ab/∂F_cd) M_eb M_fd / dx², with M = Fⁿ, for MLS D⁻¹ Fⁿ, so that A_ij[a][c] = Σ K g_i[e]
+// g_j[f]. share: twice the energy and half of each ∇v on the compact kernel's grids.
 // One workgroup a block, one lane a particle at a time.
+//
+// uses implicit/cells, implicit/particle, implicit/plastic, implicit/trial, implicit/derivatives
+// uses implicit/upper
 
 @compute @workgroup_size(LANES)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let slot = group_index(group, groups);
-    let there = slot < status.blocks;
+    let there = slot < report.blocks;
     if (there) {
         load_trial(slot, lane);
     }

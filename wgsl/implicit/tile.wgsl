@@ -1,4 +1,6 @@
 // Vectors of the nodes that a block's particles touch, in workgroup memory: 6³ nodes of each grid.
+//
+// uses implicit/nodes, shared/mls
 
 const TILE = 216u;
 
@@ -13,7 +15,8 @@ fn tile_at(n: vec3<i32>, grid: u32) -> vec3<f32> {
     return vec3<f32>(v[0], v[1], v[2]);
 }
 
-/// dx ∇v = share Σ v_i g_iᵀ at a particle. Of differences to its first node's vector: Σ g = 0 holds only to rounding.
+/// dx ∇v = share Σ v_i g_iᵀ at a particle. Of differences to its first node's vector: Σ g = 0 holds
+/// only to rounding.
 fn tile_gradient(y: vec3<f32>) -> mat3x3<f32> {
     var s = stencil(y);
     let first = tile_at(s.base[0], 0u);

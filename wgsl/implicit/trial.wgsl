@@ -1,4 +1,6 @@
 // Δv in the tile, and a particle's F there.
+//
+// uses implicit/tile
 
 fn load_trial(slot: u32, lane: u32) {
     for (var t = lane; t < TILE * GRIDS; t += LANES) {

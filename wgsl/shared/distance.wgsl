@@ -1,4 +1,7 @@
-// Signed distance programs and contact with rigid surfaces. Twin: src/sim/collider/. Positions relative to domain.min (m).
+// Signed distance programs and contact with rigid surfaces. Twin: src/core/sim/collider/. Positions
+// relative to domain.min (m).
+//
+// uses shared/structs
 
 const STICKY = 0u;
 const SLIP = 1u;
@@ -24,7 +27,8 @@ fn contact(v: vec3<f32>, n: vec3<f32>, kind: u32, friction: f32) -> vec3<f32> {
     return select(vec3<f32>(0.0), tangent * (kept / max(speed, 1e-30)), speed > 0.0);
 }
 
-/// Distance to a cone in the half-plane (radius, height): a is radius below, radius above, half height.
+/// Distance to a cone in the half-plane (radius, height): a is radius below, radius above, half
+/// height.
 fn cone_distance(q: vec2<f32>, a: vec3<f32>) -> f32 {
     let cap = vec2<f32>(q.x - min(q.x, select(a.y, a.x, q.y < 0.0)), abs(q.y) - a.z);
     let down = vec2<f32>(a.x - a.y, -2.0 * a.z);
@@ -34,7 +38,8 @@ fn cone_distance(q: vec2<f32>, a: vec3<f32>) -> f32 {
     return select(away, -away, side.x < 0.0 && cap.y < 0.0);
 }
 
-/// Distance to a sampled field at a place in units of its samples. Twin: Field::distance in src/sim/collider/field.rs.
+/// Distance to a sampled field at a place in units of its samples. Twin: Field::distance in
+/// src/core/sim/collider/field.rs.
 fn grid_distance(at: vec3<f32>, spacing: f32, grid: vec4<u32>) -> f32 {
     let n = grid.yzw;
     let held = clamp(at, vec3<f32>(0.0), vec3<f32>(n - 1u));
@@ -102,7 +107,8 @@ fn to_local(pose: Pose, x: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(dot(pose.r0, h), dot(pose.r1, h), dot(pose.r2, h));
 }
 
-/// Outward unit normal at a place in the collider's coordinates, turned into the world; zero where the distance has no slope.
+/// Outward unit normal at a place in the collider's coordinates, turned into the world; zero where
+/// the distance has no slope.
 fn surface_normal(collider: Collider, pose: Pose, local: vec3<f32>, dx: f32) -> vec3<f32> {
     // Central differences, in a loop so that the program is compiled once here.
     var gradient = vec3<f32>(0.0);

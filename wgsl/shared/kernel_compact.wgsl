@@ -1,10 +1,14 @@
-// Compact C² kernel K(x) = 1 - |x| + sin(2π|x|)/2π on the dual grid (CK-MPM §4): 8 nodes of each of two grids at ±dx/4.
-// SHIFT = ¼: base nodes of a particle at x (in cells) are floor(x - ¼) = floor(y) and floor(x + ¼) = floor(y + ½).
+// Compact C² kernel K(x) = 1 - |x| + sin(2π|x|)/2π on the dual grid (CK-MPM §4): 8 nodes of each of
+// two grids at ±dx/4.
+// SHIFT = ¼: base nodes of a particle at x (in cells) are floor(x - ¼) = floor(y) and floor(x + ¼)
+// = floor(y + ½).
 //
-// Weights without trigonometry or cancellation: per axis and grid let u = frac(x - s/4) and v = min(u, 1 - u). Then v⁺ + v⁻ = ½,
-// the smaller weight of a pair is g(v) = v - sin(2πv)/2π, its slope h(v) = 1 - cos 2πv, and with a = min(v⁺, v⁻) ≤ ¼
+// Weights without trigonometry or cancellation: per axis and grid let u = frac(x - s/4) and v =
+// min(u, 1 - u). Then v⁺ + v⁻ = ½, the smaller weight of a pair is g(v) = v - sin(2πv)/2π, its
+// slope h(v) = 1 - cos 2πv, and with a = min(v⁺, v⁻) ≤ ¼
 //     g(½ - a) = ½ - 2a + g(a),  h(½ - a) = 2 - h(a),
-// so that two short polynomials in a² serve both grids with full relative precision down to the kernel's edge.
+// so that two short polynomials in a² serve both grids with full relative precision down to the
+// kernel's edge.
 
 const GRIDS = 2u;
 const NODES = 2u;
@@ -25,14 +29,16 @@ fn profile(f: vec3<f32>) -> Profile {
     let far = v > vec3<f32>(0.25);
     let a = select(v, 0.5 - v, far);
     let t = a * a * 39.478417604357434; // (2πa)²
-    // Taylor: 6/(2k+3)! and 2/(2k+2)!, (2π)²/6 and (2π)²/2 in front; t ≤ 2.47, so that the rest is below 1e-9.
+    // Taylor: 6/(2k+3)! and 2/(2k+2)!, (2π)²/6 and (2π)²/2 in front; t ≤ 2.47, so that the rest is
+    // below 1e-9.
     let g = a * a * a * 6.579736267392905 * (1.0 - t * (0.05 - t * (1.0 / 840.0 - t * (1.0 / 60480.0
         - t * (1.0 / 6652800.0 - t * (1.0 / 1037836800.0))))));
     let h = a * a * 19.739208802178716 * (1.0 - t * (1.0 / 12.0 - t * (1.0 / 360.0 - t * (1.0 / 20160.0
         - t * (1.0 / 1814400.0 - t * (1.0 / 239500800.0 - t * (1.0 / 43589145600.0)))))));
     let g_far = 0.5 - 2.0 * a + g;
     let h_far = 2.0 - h;
-    return Profile(select(g, g_far, far), select(g_far, g, far), select(h, h_far, far), select(h_far, h, far), f > vec3<f32>(0.5));
+    let high = f > vec3<f32>(0.5);
+    return Profile(select(g, g_far, far), select(g_far, g, far), select(h, h_far, far), select(h_far, h, far), high);
 }
 
 fn stencil(y: vec3<f32>) -> Stencil {
@@ -54,7 +60,8 @@ fn stencil(y: vec3<f32>) -> Stencil {
     return s;
 }
 
-/// A D⁻¹ dx², D/dx² = diag(p) + s sᵀ by Sherman–Morrison: A diag(1/p) - (A q) qᵀ / (1 + s·q), q = s/p.
+/// A D⁻¹ dx², D/dx² = diag(p) + s sᵀ by Sherman–Morrison: A diag(1/p) - (A q) qᵀ / (1 + s·q), q =
+/// s/p.
 fn times_inverse_moment(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
     let f = y - floor(y);
     let profile = profile(f);

@@ -1,5 +1,7 @@
-// Rotation of the polar decomposition F = R S with det R = +1 (the smallest singular value carries the sign of det F).
-// Twin: src/sim/linalg. Well-conditioned F: scaled Newton iteration R ← ½ (γ R + R⁻ᵀ/γ) (Higham 1986); else a one-sided Jacobi SVD.
+// Rotation of the polar decomposition F = R S with det R = +1 (the smallest singular value carries
+// the sign of det F).
+// Twin: src/core/maths. Well-conditioned F: scaled Newton iteration R ← ½ (γ R + R⁻ᵀ/γ) (Higham
+// 1986); else a one-sided Jacobi SVD.
 
 fn cofactor(m: mat3x3<f32>) -> mat3x3<f32> {
     return mat3x3<f32>(cross(m[1], m[2]), cross(m[2], m[0]), cross(m[0], m[1]));
@@ -81,7 +83,8 @@ fn svd3(f: mat3x3<f32>) -> Svd {
 fn polar_rotation(f: mat3x3<f32>) -> mat3x3<f32> {
     let size2 = norm2(f);
     let det = dot(f[0], cross(f[1], f[2]));
-    // det ≥ 1e-3 (‖F‖/√3)³ bounds the condition number; Newton then converges in a handful of iterations.
+    // det ≥ 1e-3 (‖F‖/√3)³ bounds the condition number; Newton then converges in a handful of
+    // iterations.
     if (!(det > 1e-3 * size2 * sqrt(size2) * 0.19245)) {
         let s = svd3(f);
         return s.u * transpose(s.v);

@@ -1,5 +1,15 @@
-// A particle's deformation state, its return map and its stress. Adding a law: its file in materials/, a constant here and a case in
-// `flow`, `principal_kirchhoff` and `principal_stiffness`. Twin: src/material/mod.rs.
+// A particle's deformation state, its return map and its stress. Adding a law: its file in
+// materials/, a constant here and a case in `flow`, `principal_kirchhoff` and
+// `principal_stiffness`. Twin: src/core/material/mod.rs.
+//
+// uses shared/structs, shared/polar, shared/materials/fixed_corotated
+// uses shared/materials/neo_hookean, shared/materials/weakly_compressible_fluid
+// uses shared/materials/stvk_hencky, shared/materials/von_mises, shared/materials/drucker_prager
+// uses shared/materials/nacc, shared/materials/snow
+
+/// Whether any law of the scene works in principal space. Programs that need none of those laws
+/// are compiled without their code.
+override PRINCIPAL: bool = true;
 
 /// F, or J alone (a fluid); q: plastic state of the laws that have one.
 struct Deformation { F: mat3x3<f32>, J: f32, q: f32 }
@@ -30,7 +40,8 @@ fn has_plastic_state(model: u32) -> bool {
 /// Singular values and plastic state in a return map.
 struct Returned { sigma: vec3<f32>, q: f32, moved: bool }
 
-/// What stress in principal space needs of F: filled by `deform` or `decompose` for laws in principal space.
+/// What stress in principal space needs of F: filled by `deform` or `decompose` for laws in
+/// principal space.
 struct Principal { u: mat3x3<f32>, sigma: vec3<f32> }
 
 struct Stress { tau: mat3x3<f32>, stiffening: f32 } // stiffening: ρ0 c² over that at rest
@@ -49,7 +60,8 @@ fn flow(trial: Returned, m: Material) -> Returned {
     }
 }
 
-/// Advances F ← (I + dt ∇v) F or J ← (1 + dt tr ∇v) J, `growth` = dt ∇v, and back to the yield surface.
+/// Advances F ← (I + dt ∇v) F or J ← (1 + dt tr ∇v) J, `growth` = dt ∇v, and back to the yield
+/// surface.
 fn deform(state: Deformation, m: Material, growth: mat3x3<f32>, principal: ptr<function, Principal>) -> Deformation {
     var next = state;
     if (m.model == FLUID) {
@@ -106,7 +118,8 @@ fn kirchhoff(state: Deformation, principal: Principal, m: Material, grad_v: mat3
     let at_rest = m.b + 2.0 * m.a;
     if (is_principal(m.model)) {
         let tau = principal_kirchhoff(principal.sigma, state.q, m);
-        return Stress(diagonal_times(principal.u, tau, principal.u), principal_stiffness(principal.sigma, state.q, m) / at_rest);
+        let stiffness = principal_stiffness(principal.sigma, state.q, m);
+        return Stress(diagonal_times(principal.u, tau, principal.u), stiffness / at_rest);
     }
     if (m.model == NEO_HOOKEAN) {
         return Stress(neo_hookean_kirchhoff(state.F, m.a, m.b), neo_hookean_stiffness(state.F, m.a, m.b) / at_rest);
@@ -114,7 +127,7 @@ fn kirchhoff(state: Deformation, principal: Principal, m: Material, grad_v: mat3
     return Stress(fixed_corotated_kirchhoff(state.F, m.a, m.b), fixed_corotated_stiffness(state.F, m.a, m.b) / at_rest);
 }
 
-/// Bound on the largest σ² from above (Wolkowicz & Styan 1980). Twin: src/material/stretch.rs.
+/// Bound on the largest σ² from above (Wolkowicz & Styan 1980). Twin: src/core/material/stretch.rs.
 fn largest_stretch_squared(F: mat3x3<f32>) -> f32 {
     let mean = norm2(F) / 3.0;
     let deviator = F * transpose(F) - mat3x3<f32>(mean, 0.0, 0.0, 0.0, mean, 0.0, 0.0, 0.0, mean);

@@ -1,18 +1,21 @@
-// Structs of the scene that explicit and implicit stages share. Rust twins: src/gpu/layout.rs.
+// Structs of the scene that explicit and implicit stages share. Rust twins:
+// src/engine/explicit/gpu/layout.rs.
 
 struct Body { mass: f32, volume: f32, material: u32, demand: f32 } // demand of the material at rest (1/s²)
 
-// A fluid: a = K/γ, b = γ, c = viscosity. All others: a = μ, b = λ, and
-// von Mises: c = √(2/3) σ_Y; Drucker–Prager: c = α; NACC: c = M, d = β, e = ξ; snow: c = 1 - θc, d = 1 + θs, e = ξ.
+// A fluid: a = K/γ, b = γ, c = viscosity. All others: a = μ, b = λ, and von Mises: c = √(2/3) σ_Y;
+// Drucker–Prager: c = α; NACC: c = M, d = β, e = ξ; snow: c = 1 - θc, d = 1 + θs, e = ξ.
 struct Material { model: u32, a: f32, b: f32, c: f32, d: f32, e: f32, spare0: u32, spare1: u32 }
 
-// One instruction of a signed distance program (src/sim/collider/): rotation rows and translation fold the frame.
+// One instruction of a signed distance program (src/core/sim/collider/): its rows place it:
+// rotation and translation.
 // grid: first of `sdf_samples`, samples along each axis.
 struct SdfOp { r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32>, size: vec3<f32>, code: u32, grid: vec4<u32> }
 
 struct Collider { first: u32, count: u32, kind: u32, friction: f32 }
 
-// Pose of a collider at a step: x_start = rotationᵀ (x - translation); velocity = linear + angular × (x - center).
+// Pose of a collider at a step: x_start = rotationᵀ (x - translation); velocity = linear + angular
+// × (x - center).
 struct Pose {
     r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32>, // rows of rotationᵀ; w = translation
     linear: vec4<f32>,                           // w = 1 while the collider is there, else 0

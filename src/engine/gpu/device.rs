@@ -1,18 +1,20 @@
-//! Adapters and the device: finding, opening, pipelines, and what happens when it is lost.
+//! Adapters and the device: finding, opening, submitting, and what happens when it is lost.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 
 use serde::Serialize;
 
+use super::program::{Key, Program, STORAGE_BUFFERS};
 use crate::contract::{Backend, EngineError};
-use crate::explicit::gpu::shaders::{self, Stage};
-use gridfall_core::sim::setup::{Kernel, Material, Setup, Transfer};
 
-/// Storage buffers of the one bind group that all stages share.
-pub const STORAGE_BUFFERS: u32 = 26;
-/// Workgroup memory that the largest stage takes (bytes): read tile, scatter tile and tables of the compact kernel.
-const WORKGROUP_BYTES: u32 = 22 * 1024;
+/// Workgroup memory that a program may take (bytes). The largest has the read tile, the scatter
+/// tile and the tables of the compact kernel.
+pub const WORKGROUP_BYTES: u32 = 22 * 1024;
+/// Lanes of a workgroup on a GPU, for programs that leave it open: many hide latency.
+pub const WORKGROUP: u32 = 128;
+/// The same on a software driver, whose lanes are slow to start.
+const SOFTWARE_WORKGROUP: u32 = 64;
 
 /// What `gridfall adapters` shows.
 #[derive(Clone, Debug, Serialize)]
@@ -79,34 +81,6 @@ fn driver(info: &wgpu::AdapterInfo) -> String {
     format!("{} {}", info.driver, info.driver_info).trim().to_string()
 }
 
-/// What pipelines are specialised for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Variant {
-    pub kernel: Kernel,
-    /// MLS instead of APIC.
-    pub mls: bool,
-    /// Some law works in principal space.
-    pub principal: bool,
-}
-
-impl Variant {
-    pub fn of(setup: &Setup) -> Self {
-        let closed_form = |m: &Material| {
-            matches!(m, Material::FixedCorotated(_) | Material::NeoHookean(_) | Material::WeaklyCompressibleFluid(_))
-        };
-        Self {
-            kernel: setup.kernel,
-            mls: setup.transfer == Transfer::Mls,
-            principal: !setup.materials.iter().all(closed_form),
-        }
-    }
-}
-
-/// Compiled stages of one variant.
-pub struct Pipelines {
-    pub stages: HashMap<Stage, wgpu::ComputePipeline>,
-}
-
 /// An opened device, shared by all runs of a process.
 pub struct Gpu {
     pub device: wgpu::Device,
@@ -114,12 +88,9 @@ pub struct Gpu {
     pub limits: wgpu::Limits,
     pub info: wgpu::AdapterInfo,
     pub timestamps: bool,
-    pub layout: wgpu::BindGroupLayout,
-    pub dispatch_layout: wgpu::BindGroupLayout,
+    /// Lanes of a workgroup, for programs that leave it open.
     pub workgroup: u32,
-    pipelines: Mutex<HashMap<Variant, Arc<Pipelines>>>,
-    /// The same of the implicit engine.
-    pub(crate) implicit: Mutex<HashMap<Variant, Arc<crate::implicit::gpu::Pipelines>>>,
+    pub(super) programs: Mutex<HashMap<Key, Arc<Program>>>,
     /// First error since the last check; one run's failure is not the next one's.
     fault: Arc<Mutex<Option<String>>>,
     /// Set for good when the device is gone.
@@ -127,7 +98,8 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    /// Opens the best real GPU, or the adapter whose name contains `adapter` (case ignored), software drivers included.
+    /// Opens the best real GPU, or the adapter whose name contains `adapter` (case ignored),
+    /// software drivers included.
     ///
     /// Errors: [`EngineError::NoDevice`] that says what was found and what would help.
     pub fn open(adapter: Option<&str>) -> Result<Self, EngineError> {
@@ -174,22 +146,13 @@ impl Gpu {
         device.set_device_lost_callback(move |reason, message| {
             on_lost.lock().unwrap().get_or_insert(format!("{reason:?}: {message}"));
         });
-        let layout = bind_group_layout(&device);
-        let dispatch_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some("dispatches"),
-            entries: &[storage_entry(0)],
-        });
-        // Lanes of a software driver are slow to start; a GPU hides latency behind more of them.
-        let workgroup = if is_software(&info) { 64 } else { 128 };
+        let workgroup = if is_software(&info) { SOFTWARE_WORKGROUP } else { WORKGROUP };
         Ok(Self {
             timestamps: device.features().contains(timing),
             limits,
             info,
-            layout,
-            dispatch_layout,
             workgroup,
-            pipelines: Mutex::default(),
-            implicit: Mutex::default(),
+            programs: Mutex::default(),
             fault,
             lost,
             device,
@@ -233,91 +196,15 @@ impl Gpu {
         self.check()
     }
 
-    /// Compiles a variant's stages once.
-    pub fn pipelines(&self, variant: Variant) -> Result<Arc<Pipelines>, EngineError> {
-        let mut cache = self.pipelines.lock().unwrap();
-        if let Some(p) = cache.get(&variant) {
-            return Ok(p.clone());
-        }
-        let compile = |stage: Stage| {
-            let mut groups = vec![Some(&self.layout)];
-            if stage.writes_dispatches() {
-                groups.push(Some(&self.dispatch_layout));
-            }
-            let constants = [
-                ("WORKGROUP", f64::from(self.workgroup)),
-                ("MLS", f64::from(u8::from(variant.mls))),
-                ("PRINCIPAL", f64::from(u8::from(variant.principal))),
-            ];
-            self.compile(stage.name(), &shaders::source(stage, variant.kernel), &groups, &constants)
-        };
-        let stages = Stage::ALL.iter().map(|&stage| (stage, compile(stage))).collect();
-        self.check()?;
-        let compiled = Arc::new(Pipelines { stages });
-        cache.insert(variant, compiled.clone());
-        Ok(compiled)
+    /// Records commands and submits them.
+    pub fn submit(&self, record: impl FnOnce(&mut wgpu::CommandEncoder)) -> wgpu::SubmissionIndex {
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        record(&mut encoder);
+        self.queue.submit([encoder.finish()])
     }
 
-    /// A pipeline of the entry point `main` of a source. Without `groups` it has the one bind group that the source asks for.
-    pub(crate) fn compile(
-        &self,
-        name: &str,
-        source: &str,
-        groups: &[Option<&wgpu::BindGroupLayout>],
-        constants: &[(&str, f64)],
-    ) -> wgpu::ComputePipeline {
-        let descriptor =
-            wgpu::ShaderModuleDescriptor { label: Some(name), source: wgpu::ShaderSource::Wgsl(source.into()) };
-        let mut checks = wgpu::ShaderRuntimeChecks::checked();
-        // Every loop of ours is bounded; naga's guard is a 64-bit counter in each of them.
-        checks.force_loop_bounding = false;
-        // SAFETY: the only check that is off is the loop bound, and no shader of ours has an unbounded loop.
-        let module = unsafe { self.device.create_shader_module_trusted(descriptor, checks) };
-        let layout = (!groups.is_empty()).then(|| {
-            self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                label: Some(name),
-                bind_group_layouts: groups,
-                immediate_size: 0,
-            })
-        });
-        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(name),
-            layout: layout.as_ref(),
-            module: &module,
-            entry_point: Some("main"),
-            compilation_options: wgpu::PipelineCompilationOptions {
-                constants,
-                zero_initialize_workgroup_memory: false,
-            },
-            cache: None,
-        })
+    /// Records a pass and submits it.
+    pub fn pass(&self, record: impl FnOnce(&mut wgpu::ComputePass)) -> wgpu::SubmissionIndex {
+        self.submit(|encoder| record(&mut encoder.begin_compute_pass(&Default::default())))
     }
-}
-
-fn storage_entry(binding: u32) -> wgpu::BindGroupLayoutEntry {
-    wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Storage { read_only: false },
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        },
-        count: None,
-    }
-}
-
-fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    let mut entries = vec![wgpu::BindGroupLayoutEntry {
-        binding: 0,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Uniform,
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        },
-        count: None,
-    }];
-    entries.extend((1..=STORAGE_BUFFERS).map(storage_entry));
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("state"), entries: &entries })
 }

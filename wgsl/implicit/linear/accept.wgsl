@@ -1,4 +1,7 @@
-// Goes to the accepted trial: s = trial − Δv and y = ∇E' − ∇E become the new pair, with partial sums of yᵀs; Δv and ∇E follow. Grid-stride over rows.
+// Goes to the accepted trial: s = trial − Δv and y = ∇E' − ∇E become the new pair, with partial
+// sums of yᵀs; Δv and ∇E follow. Grid-stride over rows.
+//
+// uses implicit/linear/level, implicit/linear/state, implicit/linear/reduce
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> state: State;

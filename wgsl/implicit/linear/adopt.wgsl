@@ -1,4 +1,6 @@
 // Takes E and the residual at the start. One workgroup.
+//
+// uses implicit/linear/level, implicit/linear/state, implicit/linear/reduce
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> residuals: array<f32>;

@@ -1,4 +1,6 @@
 // Where the line search looks: trial = Δv − α z. A thread a row.
+//
+// uses implicit/linear/level, implicit/linear/state
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> control: array<u32, 4>;

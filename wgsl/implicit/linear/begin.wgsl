@@ -1,4 +1,7 @@
-// Start of the two-loop recursion: q = ∇E, and partial sums of s·q with the newest pair's s. Grid-stride over rows.
+// Start of the two-loop recursion: q = ∇E, and partial sums of s·q with the newest pair's s.
+// Grid-stride over rows.
+//
+// uses implicit/linear/level, implicit/linear/reduce
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> g: array<f32>;

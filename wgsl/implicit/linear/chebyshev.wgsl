@@ -1,4 +1,7 @@
-// A step of a Chebyshev polynomial of D⁻¹A: d ← c₁ d + c₂ D⁻¹ (b − A x), x' = x + d. Rows as in product.wgsl; x is read, x' written elsewhere.
+// A step of a Chebyshev polynomial of D⁻¹A: d ← c₁ d + c₂ D⁻¹ (b − A x), x' = x + d. Rows as in
+// product.wgsl; x is read, x' written elsewhere.
+//
+// uses implicit/linear/level, implicit/linear/vectors, implicit/linear/product
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> columns: array<u32>;
@@ -6,12 +9,12 @@
 @group(0) @binding(3) var<storage, read> inverse: array<f32>;
 @group(0) @binding(4) var<storage, read> coefficient: vec4<f32>;
 @group(0) @binding(5) var<storage, read> b: array<f32>;
-@group(0) @binding(6) var<storage, read> x: array<f32>;
+@group(0) @binding(6) var<storage, read> x_in: array<f32>;
 @group(0) @binding(7) var<storage, read_write> d: array<f32>;
-@group(0) @binding(8) var<storage, read_write> x_next: array<f32>;
+@group(0) @binding(8) var<storage, read_write> x_out: array<f32>;
 
 fn gathered(row: u32) -> vec3<f32> {
-    return vec3<f32>(x[row], x[level.stride + row], x[2u * level.stride + row]);
+    return vec3<f32>(x_in[row], x_in[level.stride + row], x_in[2u * level.stride + row]);
 }
 
 @compute @workgroup_size(256)
@@ -28,6 +31,6 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
         // The first step of a polynomial has c₁ = 0, whatever d was.
         let step = select(0.0, coefficient.x * d[a * n + row], coefficient.x != 0.0) + update[a];
         d[a * n + row] = step;
-        x_next[a * n + row] = x[a * n + row] + step;
+        x_out[a * n + row] = x_in[a * n + row] + step;
     }
 }

@@ -1,4 +1,6 @@
 // Neighbours of a coarse level's nodes. A thread a row and slot.
+//
+// uses implicit/linear/level, implicit/linear/stencil_*
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> ids: array<vec4<i32>>;

@@ -1,4 +1,6 @@
 // Counts the marks of every 1024 entries of a table. A workgroup a sum.
+//
+// uses implicit/linear/level
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> table: array<u32>;

@@ -1,4 +1,7 @@
-// Accepts the trial or halves the step: accepted when ΔE ≤ 0, or when ΔE ≤ 4u|E| and |φ'(α)| ≤ 0.8 |φ'(0)|, u = 2⁻²⁴. One workgroup.
+// Accepts the trial or halves the step: accepted when ΔE ≤ 0, or when ΔE ≤ 4u|E| and |φ'(α)| ≤ 0.8
+// |φ'(0)|, u = 2⁻²⁴. One workgroup.
+//
+// uses implicit/linear/level, implicit/linear/state, implicit/linear/reduce
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> slopes: array<f32>;

@@ -1,12 +1,16 @@
-// Inverses of the diagonal blocks, D⁻¹ = Σ v vᵀ / λ from the eigenvectors. A coarse node that is reached through sliding nodes only has a
-// singular block: its missing directions get the block's largest eigenvalue, in the matrix too, which leaves them alone.
+// Inverses of the diagonal blocks, D⁻¹ = Σ v vᵀ / λ from the eigenvectors. A coarse node that is
+// reached through sliding nodes only has a singular block: its missing directions get the block's
+// largest eigenvalue, in the matrix too, which leaves them alone.
 // Out: inverse[k * stride + row], k = xx, xy, xz, yy, yz, zz. A thread a row.
+//
+// uses implicit/linear/level, implicit/linear/stencil_*
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read_write> values: array<f32>;
 @group(0) @binding(2) var<storage, read_write> inverse: array<f32>;
 
-// Relative to the largest eigenvalue: above the roundings of a product with S, below every ratio that f32 can make use of.
+// Relative to the largest eigenvalue: above the roundings of a product with S, below every ratio
+// that f32 can make use of.
 const SINGULAR = 2e-6;
 
 // Jacobi rotation of a symmetric matrix in the plane (p, q), gathered into v.

@@ -1,4 +1,5 @@
-// The projection S onto the directions in which a node may move: w = 1 along the plane with normal xyz, w = 2 along the line xyz, 0 free.
+// The projection S onto the directions in which a node may move: w = 1 along the plane with normal
+// xyz, w = 2 along the line xyz, 0 free.
 
 fn projection(freedom: vec4<f32>) -> mat3x3<f32> {
     let n = freedom.xyz;

@@ -1,8 +1,11 @@
 // Galerkin product H¹ = R H P, R = Pᵀ (HOT §5.3): the block of coarse nodes I and I + d is
 //     Σ_ab w_a w_b S_a H[2I + a, 2(I + d) + b] S_b,   a, b ∈ {−1, 0, 1}³, w = 2^−(number of odd components).
-// S is folded into H already except into the diagonal blocks of sliding nodes, which carry trace/3 (I − S) as well; S H S removes it.
-// In: fine values, children, freedoms of the fine nodes. Out: coarse values. A thread a coarse row and slot, neighbouring threads neighbouring
-// rows. Everything is gathered: no race.
+// S is folded into H already except into the diagonal blocks of sliding nodes, which carry trace/3
+// (I − S) as well; S H S removes it.
+// In: fine values, children, freedoms of the fine nodes. Out: coarse values. A thread a coarse row
+// and slot, neighbouring threads neighbouring rows. Everything is gathered: no race.
+//
+// uses implicit/linear/level, implicit/linear/freedom, implicit/linear/stencil_*
 
 @group(0) @binding(0) var<uniform> fine: Level;
 @group(0) @binding(1) var<uniform> coarse: Level;

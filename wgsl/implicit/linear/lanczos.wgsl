@@ -1,4 +1,5 @@
-// State of a level's Lanczos process, run as conjugate gradients with D⁻¹ on noise: their coefficients are those of the Lanczos matrix.
+// State of a level's Lanczos process, run as conjugate gradients with D⁻¹ on noise: their
+// coefficients are those of the Lanczos matrix.
 
 struct Lanczos {
     // Values of beta so far.

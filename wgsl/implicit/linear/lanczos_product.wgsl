@@ -1,4 +1,8 @@
-// p' = z + β p, and A p'; neighbours' p' are computed where they are gathered. Rows as in product.wgsl; a partial sum of p'·Ap' a workgroup.
+// p' = z + β p, and A p'; neighbours' p' are computed where they are gathered. Rows as in
+// product.wgsl; a partial sum of p'·Ap' a workgroup.
+//
+// uses implicit/linear/level, implicit/linear/lanczos, implicit/linear/product
+// uses implicit/linear/reduce
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> columns: array<u32>;

@@ -1,4 +1,6 @@
 // β = r·z over that of the step before (the first: 0). One workgroup.
+//
+// uses implicit/linear/level, implicit/linear/lanczos, implicit/linear/reduce
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> partials: array<f32>;

@@ -1,5 +1,8 @@
-// Start of a level's Lanczos process: r noise by the node's index, scaled as D^½ so that soft and stiff nodes
-// count alike, z = D⁻¹ r, p = 0; partial sums of r·z. Grid-stride over rows.
+// Start of a level's Lanczos process: r noise by the node's index, scaled as D^½ so that soft and
+// stiff nodes count alike, z = D⁻¹ r, p = 0; partial sums of r·z. Grid-stride over rows.
+//
+// uses implicit/linear/level, implicit/linear/lanczos, implicit/linear/vectors
+// uses implicit/linear/reduce
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> ids: array<vec4<i32>>;

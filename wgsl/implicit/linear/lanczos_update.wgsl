@@ -1,4 +1,7 @@
 // α = r·z / p·Ap, r ← r − α Ap, z = D⁻¹ r; partial sums of r·z. Grid-stride over rows.
+//
+// uses implicit/linear/level, implicit/linear/lanczos, implicit/linear/vectors
+// uses implicit/linear/reduce
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> inverse: array<f32>;

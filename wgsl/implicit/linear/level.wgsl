@@ -1,5 +1,6 @@
-// Levels of the hierarchy: a lattice of nodes, and the dense table that numbers them. Nodes of a level are in the order of its table: blocks of
-// 4³ indices, both grids of the compact kernel's pair in a block. Coarse node j sits on fine node 2j of the same grid (HOT §5.3).
+// Levels of the hierarchy: a lattice of nodes, and the dense table that numbers them. Nodes of a
+// level are in the order of its table: blocks of 4³ indices, both grids of the compact kernel's
+// pair in a block. Coarse node j sits on fine node 2j of the same grid (HOT §5.3).
 
 struct Level {
     // Lowest index of the table.
@@ -14,12 +15,14 @@ struct Level {
     grids: u32,
     // Workgroups of a reduction.
     groups: u32,
-    // The Chebyshev polynomial of the smoother or coarse solve: degree, and λ over the interval's lower end.
+    // The Chebyshev polynomial of the smoother or coarse solve: degree, and λ over the interval's
+    // lower end.
     degree: u32,
     range: f32,
     // Whether nodes may have a restricted freedom: on the finest level.
     sliding: u32,
-    // Indices of the finer level over this one's: 2, or 1 along a periodic axis that cannot be halved.
+    // Indices of the finer level over this one's: 2, or 1 along a periodic axis that cannot be
+    // halved.
     factor: vec3<i32>,
     spare: u32,
 }
@@ -40,7 +43,8 @@ fn entry_of(level: Level, id: vec4<i32>) -> u32 {
 fn id_of(level: Level, entry: u32) -> vec4<i32> {
     let within = entry % 64u;
     let block = entry / 64u / level.grids;
-    let corner = 4u * vec3<u32>(block / level.blocks.z / level.blocks.y, block / level.blocks.z % level.blocks.y, block % level.blocks.z);
+    let n = level.blocks;
+    let corner = 4u * vec3<u32>(block / n.z / n.y, block / n.z % n.y, block % n.z);
     let at = corner + vec3<u32>(within / 16u, within / 4u % 4u, within % 4u);
     return vec4<i32>(vec3<i32>(at) + level.low, i32(entry / 64u % level.grids));
 }

@@ -1,4 +1,7 @@
-// At the trial: partial sums of z·∇E and of Σ |∇E_i|² / scale_i². Grid-stride over rows; nothing to do once the search has ended.
+// At the trial: partial sums of z·∇E and of Σ |∇E_i|² / scale_i². Grid-stride over rows; nothing to
+// do once the search has ended.
+//
+// uses implicit/linear/level, implicit/linear/reduce
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> control: array<u32, 4>;

@@ -1,4 +1,7 @@
-// Counts the blocks of the finest matrix. A thread a row; sums of integers do not depend on their order.
+// Counts the blocks of the finest matrix. A thread a row; sums of integers do not depend on their
+// order.
+//
+// uses implicit/linear/level, implicit/linear/stencil_*
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> columns: array<u32>;

@@ -1,4 +1,7 @@
-// Numbers a level's nodes in the order of its table. Marks become rows, or NONE; a workgroup 1024 entries.
+// Numbers a level's nodes in the order of its table. Marks become rows, or NONE; a workgroup 1024
+// entries.
+//
+// uses implicit/linear/level, shared/prefix
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> sums: array<u32>;

@@ -1,4 +1,7 @@
-// Turns the counts of a table's parts into what comes before each, and their sum into the level's number of nodes. One workgroup.
+// Turns the counts of a table's parts into what comes before each, and their sum into the level's
+// number of nodes. One workgroup.
+//
+// uses implicit/linear/level, shared/prefix
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read_write> sums: array<u32>;

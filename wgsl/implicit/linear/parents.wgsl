@@ -1,5 +1,7 @@
-// Parents of a node under linear embedding: per axis one with weight 1 for an even index, two with ½ each for an odd one, so that all parents
-// of a node weigh the same.
+// Parents of a node under linear embedding: per axis one with weight 1 for an even index, two with
+// ½ each for an odd one, so that all parents of a node weigh the same.
+//
+// uses implicit/linear/level
 
 struct Parent {
     exists: bool,

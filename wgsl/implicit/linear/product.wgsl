@@ -1,5 +1,8 @@
-// y = A x by rows: 32 rows a workgroup, their slots dealt to 8 lanes each, whose sums are added in order. Neighbouring lanes read neighbouring
-// rows of slot-major values. The entry point says what x is by `gathered(row)`.
+// y = A x by rows: 32 rows a workgroup, their slots dealt to 8 lanes each, whose sums are added in
+// order. Neighbouring lanes read neighbouring rows of slot-major values. The entry point says what
+// x is by `gathered(row)`.
+//
+// uses implicit/linear/level, implicit/linear/stencil_*
 
 const ROWS = 32u;
 const PARTS = 8u;

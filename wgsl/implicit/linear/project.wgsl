@@ -1,4 +1,7 @@
-// After the V-cycle: z ← S z, and partial sums of y·z with the oldest pair's y, or of ∇E·z without pairs. Grid-stride over rows.
+// After the V-cycle: z ← S z, and partial sums of y·z with the oldest pair's y, or of ∇E·z without
+// pairs. Grid-stride over rows.
+//
+// uses implicit/linear/level, implicit/linear/freedom, implicit/linear/reduce
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> freedoms: array<vec4<f32>>;

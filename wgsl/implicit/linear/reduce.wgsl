@@ -1,4 +1,5 @@
-// Sums over a level in two passes and in a fixed order: every workgroup of 256 leaves a partial sum, and whoever needs the whole adds these up.
+// Sums over a level in two passes and in a fixed order: every workgroup of 256 leaves a partial
+// sum, and whoever needs the whole adds these up.
 
 var<workgroup> lanes: array<f32, 256>;
 

@@ -1,14 +1,16 @@
 // r = b − A x. Rows as in product.wgsl.
+//
+// uses implicit/linear/level, implicit/linear/product
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> columns: array<u32>;
 @group(0) @binding(2) var<storage, read> values: array<f32>;
 @group(0) @binding(3) var<storage, read> b: array<f32>;
-@group(0) @binding(4) var<storage, read> x: array<f32>;
+@group(0) @binding(4) var<storage, read> x_in: array<f32>;
 @group(0) @binding(5) var<storage, read_write> r: array<f32>;
 
 fn gathered(row: u32) -> vec3<f32> {
-    return vec3<f32>(x[row], x[level.stride + row], x[2u * level.stride + row]);
+    return vec3<f32>(x_in[row], x_in[level.stride + row], x_in[2u * level.stride + row]);
 }
 
 @compute @workgroup_size(256)

@@ -1,6 +1,9 @@
-// λ = 1.1 × the largest Ritz value of D⁻¹A, and the coefficients of the Chebyshev polynomial over [λ / range, λ] (Saad, "Iterative methods for
-// sparse linear systems", alg. 12.1). The Lanczos matrix has 1/α_k + β_k/α_{k−1} on its diagonal and √β_{k+1} / α_k beside it; its largest
+// λ = 1.1 × the largest Ritz value of D⁻¹A, and the coefficients of the Chebyshev polynomial over
+// [λ / range, λ] (Saad, "Iterative methods for sparse linear systems", alg. 12.1). The Lanczos
+// matrix has 1/α_k + β_k/α_{k−1} on its diagonal and √β_{k+1} / α_k beside it; its largest
 // eigenvalue is bisected with Sturm's sequence. One thread.
+//
+// uses implicit/linear/level, implicit/linear/lanczos
 
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> lanczos: Lanczos;

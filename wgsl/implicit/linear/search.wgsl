@@ -1,7 +1,10 @@
-// Start of a line search along −z: φ'(0) = −zᵀ∇E, α = 1; nothing is tried when it does not fall. One workgroup.
+// Start of a line search along −z: φ'(0) = −zᵀ∇E, α = 1; nothing is tried when it does not fall.
+// One workgroup.
+//
+// uses implicit/linear/level, implicit/linear/state, implicit/linear/reduce
 
 @group(0) @binding(0) var<uniform> level: Level;
-@group(0) @binding(1) var<storage, read> sums: array<f32>;
+@group(0) @binding(1) var<storage, read> partials_in: array<f32>;
 @group(0) @binding(2) var<storage, read_write> state: State;
 @group(0) @binding(3) var<storage, read_write> control: array<u32, 4>;
 
@@ -9,7 +12,7 @@
 fn main(@builtin(local_invocation_index) lane: u32) {
     var own = 0.0;
     if (lane < level.groups) {
-        own = sums[lane];
+        own = partials_in[lane];
     }
     let zg = summed(lane, own);
     if (lane == 0u) {

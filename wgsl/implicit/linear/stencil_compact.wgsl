@@ -1,5 +1,5 @@
-// Neighbours of a node under the compact kernel, x slowest: offsets −1..1 on its own grid, then 4³ on the other one, −1..2 seen from grid 0
-// (at +¼ dx) and −2..1 from grid 1.
+// Neighbours of a node under the compact kernel, x slowest: offsets −1..1 on its own grid, then 4³
+// on the other one, −1..2 seen from grid 0 (at +¼ dx) and −2..1 from grid 1.
 
 const SLOTS = 91u;
 const CENTRE = 13u;

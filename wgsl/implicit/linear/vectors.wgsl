@@ -1,4 +1,6 @@
 // Fields are channel-major: component a of row i is at a * stride + i.
+//
+// uses implicit/linear/level
 
 fn inverse_times(row: u32, x: vec3<f32>) -> vec3<f32> {
     let n = level.stride;

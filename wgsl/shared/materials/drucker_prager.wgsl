@@ -1,5 +1,6 @@
-// Drucker–Prager sand with volume correction (Klár 2016; Tampubolon 2017). Twin: src/material/drucker_prager.rs. q: v_c, the volume
-// (as a logarithm) that the grains must lose before they touch again. Stress: stvk_hencky.
+// Drucker–Prager sand with volume correction (Klár 2016; Tampubolon 2017). Twin:
+// src/core/material/drucker_prager.rs. q: v_c, the volume (as a logarithm) that the grains must
+// lose before they touch again. Stress: stvk_hencky.
 
 fn drucker_prager_return(trial: Returned, m: Material) -> Returned {
     var out = trial;

@@ -1,4 +1,5 @@
-// Fixed corotated (Stomakhin 2012): ψ = μ Σ(σ_i - 1)² + ½ λ (J - 1)²; τ = 2 μ (F - R) Fᵀ + λ (J - 1) J I.
+// Fixed corotated (Stomakhin 2012): ψ = μ Σ(σ_i - 1)² + ½ λ (J - 1)²; τ = 2 μ (F - R) Fᵀ + λ (J -
+// 1) J I.
 
 fn fixed_corotated_kirchhoff(F: mat3x3<f32>, mu: f32, lambda: f32) -> mat3x3<f32> {
     let J = determinant(F);

@@ -1,4 +1,5 @@
-// Non-associative Cam Clay (Wolper 2019). Twin: src/material/nacc.rs. a = μ, b = λ, c = M, d = β, e = ξ; q: α. Pressures in units of κ.
+// Non-associative Cam Clay (Wolper 2019). Twin: src/core/material/nacc.rs. a = μ, b = λ, c = M, d =
+// β, e = ξ; q: α. Pressures in units of κ.
 
 const NACC_RESIDUAL = 1e-5;
 const NACC_MAX_HARDENING = 4.0;

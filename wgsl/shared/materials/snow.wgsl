@@ -1,4 +1,5 @@
-// Snow (Stomakhin 2013): stretches clamped to [c, d] = [1 - θc, 1 + θs], moduli times e^(ξ (1 - Jp)). Twin: src/material/snow.rs. q: Jp.
+// Snow (Stomakhin 2013): stretches clamped to [c, d] = [1 - θc, 1 + θs], moduli times e^(ξ (1 -
+// Jp)). Twin: src/core/material/snow.rs. q: Jp.
 // Stress: fixed corotated with the hardened moduli.
 
 const MAX_PLASTIC_VOLUME = 1e4;

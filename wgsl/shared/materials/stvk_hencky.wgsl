@@ -1,6 +1,8 @@
-// StVK in Hencky strain ε = ln σ (Klár 2016): τ_i = 2 μ ε_i + λ Σ ε. Twin: src/material/stvk_hencky.rs.
+// StVK in Hencky strain ε = ln σ (Klár 2016): τ_i = 2 μ ε_i + λ Σ ε. Twin:
+// src/core/material/stvk_hencky.rs.
 
-/// ln s to f32 precision around 1, where Vulkan grants its own log 2⁻²¹ of absolute error only: 2 atanh((s - 1)/(s + 1)).
+/// ln s to f32 precision around 1, where Vulkan grants its own log 2⁻²¹ of absolute error only: 2
+/// atanh((s - 1)/(s + 1)).
 fn ln_stretch(s: vec3<f32>) -> vec3<f32> {
     let z = (s - 1.0) / (s + 1.0);
     let z2 = z * z;

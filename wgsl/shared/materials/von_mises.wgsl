@@ -1,4 +1,5 @@
-// Von Mises, ‖dev τ‖ ≤ √(2/3) σ_Y. Twin: src/material/von_mises.rs. Hencky: the deviator of ε shrinks at equal volume.
+// Von Mises, ‖dev τ‖ ≤ √(2/3) σ_Y. Twin: src/core/material/von_mises.rs. Hencky: the deviator of ε
+// shrinks at equal volume.
 // Fixed corotated: 2 μ (σ - 1) σ takes the place of 2 μ ε, and is solved for its larger root.
 
 fn von_mises_return(trial: Returned, m: Material) -> Returned {

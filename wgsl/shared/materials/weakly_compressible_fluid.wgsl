@@ -1,5 +1,6 @@
-// Weakly compressible fluid: p = B (J^-γ - 1), B = K/γ; Cauchy σ = -p I + μ (∇v + ∇vᵀ); τ = J σ. The state is J alone.
-// Twin: src/material/weakly_compressible_fluid.rs.
+// Weakly compressible fluid: p = B (J^-γ - 1), B = K/γ; Cauchy σ = -p I + μ (∇v + ∇vᵀ); τ = J σ.
+// The state is J alone.
+// Twin: src/core/material/weakly_compressible_fluid.rs.
 
 fn weakly_compressible_fluid_pressure(J: f32, B: f32, gamma: f32) -> f32 {
     // J^-γ - 1 near J = 1 loses digits through pow: series of expm1(-γ ln J) there.

@@ -1,18 +1,18 @@
-//! The shaders' energies, stresses and projected stiffnesses of the implicit step against those of `gridfall_core::material`, on random, rotated, flat and
-//! inverted states.
+//! The shaders' energies, stresses and projected stiffnesses of the implicit step against those of
+//! `gridfall_core::material`, on random, rotated, flat and inverted states.
 
 use rand::{SeedableRng, rngs::StdRng};
 
 use super::law_tests::{State, distance, gpu, random_matrix, random_states, run};
-use super::shaders::DERIVATIVES;
-use crate::gpu::device::Gpu;
+use crate::gpu::Gpu;
 use gridfall_core::material::{Law, initial_plastic_state, samples};
 use gridfall_core::maths::linalg::{Matrix, mul, mul_transpose};
 use gridfall_core::maths::svd::svd;
 use gridfall_core::sim::setup::Material;
 
 /// ψ, P, and the derivative along one entry of F.
-const ENTRY: &str = "
+const ENTRY: &str = "// uses explicit/state_io, implicit/derivatives
+
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let i = id.x;
@@ -43,7 +43,7 @@ struct Answer {
 }
 
 fn ask(gpu: &Gpu, materials: &[Material], states: &[State]) -> Vec<Answer> {
-    let w = run(gpu, materials, states, &format!("{DERIVATIVES}{ENTRY}"));
+    let w = run(gpu, materials, states, ENTRY);
     let answer = |i: usize| Answer {
         energy: w.scalar(&w.velocity, 9, i),
         pk1: w.matrix(&w.velocity, 0, i),
@@ -59,8 +59,8 @@ fn expected(law: &Law<f64>, state: &State, index: usize) -> Answer {
     Answer { energy, pk1, dp: law.projected_derivative(&state.f, state.plastic).times(&df) }
 }
 
-/// Largest differences over the states of each material. ψ: over what a change of F by 1 would make of it, √(ψ (λ + 2μ)); P and dP over
-/// the largest stiffness at the state.
+/// Largest differences over the states of each material. ψ: over what a change of F by 1 would make
+/// of it, √(ψ (λ + 2μ)); P and dP over the largest stiffness at the state.
 fn differences(materials: &[Material], states: &[State], answers: &[Answer]) -> Vec<[f64; 3]> {
     let mut worst = vec![[0.0f64; 3]; materials.len()];
     for (index, (state, answer)) in states.iter().zip(answers).enumerate() {
@@ -82,7 +82,8 @@ fn differences(materials: &[Material], states: &[State], answers: &[Answer]) -> 
     worst
 }
 
-/// f32 roundings of a decomposition; a quotient of differences at nearly equal stretches has a few more.
+/// f32 roundings of a decomposition; a quotient of differences at nearly equal stretches has a few
+/// more.
 const TOLERANCE: [f64; 3] = [3e-6, 3e-6, 5e-5];
 
 fn solids() -> Vec<Material> {
@@ -101,7 +102,8 @@ fn energies_stresses_and_stiffnesses_agree_with_the_cpus() {
         println!("{worst:?} {material:?}");
         assert!(worst.iter().zip(TOLERANCE).all(|(d, t)| *d <= t), "{worst:?} for {material:?}");
     }
-    // Planted: elastic moduli, and snow's hardening, off by three thousandths must show in each of the three.
+    // Planted: elastic moduli, and snow's hardening, off by three thousandths must show in each of
+    // the three.
     for index in 0..materials.len() {
         let json = serde_json::to_value(&materials[index]).unwrap();
         for name in ["youngs_modulus", "poissons_ratio", "hardening"] {

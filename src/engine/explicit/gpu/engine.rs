@@ -1,24 +1,27 @@
-//! Runs frames on the device: plan, submit without reading back, then answer for what the device reported.
+//! Runs frames on the device: plan, submit without reading back, then answer for what the device
+//! reported.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::buffers::{Buffers, CHUNK_STEPS, Sizes, binding};
-use super::layout::{self, Params, Status};
-use super::readback::{self, GridNode};
-use super::stages::{self, Dispatch, FRAME_END, FRAME_START, STEP};
-use super::upload::{self, Frame};
+use super::buffers::{Buffers, CHUNK_STEPS, Counts};
+use super::layout::{self, Params, Report};
+use super::readback;
+use super::stages::{Extent, Stages};
+use super::upload::{self, DeviceLayout};
 use crate::contract::{Backend, Control, Engine, EngineError, FrameStats};
-use crate::gpu::device::{Gpu, Pipelines, Variant};
-use gridfall_core::sim::divergence::{Suspect, likely_cause};
+use crate::gpu::memory::Memory;
+use crate::gpu::program::{Dispatch, Programs, Tools};
+use crate::gpu::{Gpu, Variant};
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
-use gridfall_core::sim::setup::{Kernel, Precision, Setup, Transfer};
+use gridfall_core::sim::setup::Setup;
 use gridfall_core::sim::timestep::{self, Extremes};
 
-/// Fixed-point units of a full node's mass, and of its momentum at the velocity of scale: 2^27 leaves a factor of 4 up to the
-/// soft limit and 8 up to the hard one, and resolves 1e-8 of a full node.
+/// Fixed-point units of a full node's mass, and of its momentum at the velocity of scale: 2^27
+/// leaves a factor of 4 up to the soft limit and 8 up to the hard one, and resolves 1e-8 of a full
+/// node.
 const FULL_NODE: f64 = 134_217_728.0;
 /// A chunk of steps should take about this long, so that a cancel is heard soon.
 const CHUNK_SECONDS: f64 = 0.1;
@@ -27,15 +30,16 @@ const MAX_PLANS: u32 = 64;
 
 /// An explicit simulation on a GPU.
 pub struct GpuEngine {
-    gpu: Arc<Gpu>,
-    pipelines: Arc<Pipelines>,
-    setup: Setup,
-    frame: Frame,
-    buffers: Buffers,
-    params: Params,
+    pub(super) gpu: Arc<Gpu>,
+    programs: Programs,
+    pub(super) setup: Setup,
+    pub(super) layout: DeviceLayout,
+    pub(super) buffers: Buffers,
+    pub(super) stages: Stages,
+    pub(super) params: Params,
     backend: Backend,
-    time_s: f64,
-    steps: u64,
+    pub(super) time_s: f64,
+    pub(super) steps: u64,
     /// Bound on node speeds at the frame's start (m/s).
     max_speed: f64,
     /// Demand of the materials at the frame's start (1/s²).
@@ -57,66 +61,50 @@ struct Segment {
     impulses: Vec<Reaction>,
 }
 
-/// Whether the GPU engine can run a problem at all; the reason if not.
-pub fn supports(setup: &Setup) -> Result<(), String> {
-    if setup.dimension != 3 {
-        return Err("the GPU engine is 3D only".into());
-    }
-    if !matches!(setup.kernel, Kernel::Compact | Kernel::Quadratic) {
-        return Err("the GPU engine has the compact and the quadratic kernel".into());
-    }
-    if setup.transfer == Transfer::Pic {
-        return Err("the GPU engine has the transfers apic and mls".into());
-    }
-    if setup.precision != Precision::F32 {
-        return Err("the GPU engine is f32 only".into());
-    }
-    Ok(())
-}
-
 impl GpuEngine {
     /// Loads a problem at time 0. `reason` says why this device was chosen.
     ///
     /// Errors: unsupported scenes, capacity, a lost device.
     pub fn new(gpu: Arc<Gpu>, setup: &Setup, particles: Particles, reason: &str) -> Result<Self, EngineError> {
-        supports(setup).map_err(EngineError::Unsupported)?;
-        let mut frame = Frame::new(setup);
+        super::supports(setup).map_err(EngineError::Unsupported)?;
+        let mut layout = DeviceLayout::new(setup);
         let extremes = timestep::initial_extremes(setup, &particles);
-        let data = frame.data(&particles)?;
+        let state = layout.state(&particles)?;
         let (sdf_ops, sdf_samples, colliders) = upload::colliders(setup);
-        let sizes = Sizes {
+        let counts = Counts {
             particles: setup.total_particles(),
-            table: frame.table_len(),
+            table: layout.table_len(),
             // Room to spread before the first growth.
-            capacity: frame.active_blocks(&data.position) * 5 / 4 + 64,
+            capacity: layout.active_blocks(&state.position) * 5 / 4 + 64,
             grids: upload::grid_offsets(setup.kernel).len(),
-            channels: frame.channels,
+            channels: layout.channels,
             bodies: setup.bodies.len(),
             materials: setup.materials.len(),
             sdf_ops: sdf_ops.len(),
             sdf_samples: sdf_samples.len(),
             colliders: colliders.len(),
         };
-        let mut buffers = Buffers::new(&gpu, sizes)?;
-        buffers.put_states(&gpu, &data, &particles.body);
-        frame.body_of = particles.body;
-        let write = |b: usize, bytes: &[u8]| gpu.queue.write_buffer(buffers.get(b), 0, bytes);
-        write(binding::BODIES, bytemuck::cast_slice(&upload::bodies(setup)));
-        write(binding::MATERIALS, bytemuck::cast_slice(&upload::materials(setup)));
-        write(binding::SDF_OPS, bytemuck::cast_slice(&sdf_ops));
-        write(binding::SDF_SAMPLES, bytemuck::cast_slice(&sdf_samples));
-        write(binding::COLLIDERS, bytemuck::cast_slice(&colliders));
-        let pipelines = gpu.pipelines(Variant::of(setup))?;
+        let mut buffers = Buffers::new(&gpu, counts)?;
+        buffers.put_states(&gpu, &state, &particles.body);
+        layout.body_of = particles.body;
+        buffers.memory.write(&gpu, "bodies", 0, &upload::bodies(setup));
+        buffers.memory.write(&gpu, "materials", 0, &upload::materials(setup));
+        buffers.memory.write(&gpu, "sdf_ops", 0, &sdf_ops);
+        buffers.memory.write(&gpu, "sdf_samples", 0, &sdf_samples);
+        buffers.memory.write(&gpu, "colliders", 0, &colliders);
+        let programs = Programs::new(Variant::of(setup));
+        let stages = Stages::new(Tools { gpu: &gpu, programs: &programs }, &buffers.memory);
         let backend = gpu.backend(reason);
-        let params = frame.params(setup);
+        let params = layout.params(setup);
         let max_speed = extremes.speed_m_s + 3.0f64.sqrt() * setup.dx * extremes.affine_rate_1_s;
         gpu.check()?;
         Ok(Self {
             gpu,
-            pipelines,
+            programs,
             setup: setup.clone(),
-            frame,
+            layout,
             buffers,
+            stages,
             params,
             backend,
             time_s: 0.0,
@@ -132,7 +120,7 @@ impl GpuEngine {
 
     /// Device memory in use (bytes).
     pub fn device_bytes(&self) -> usize {
-        self.buffers.sizes.total_bytes()
+        self.buffers.counts.sizes().total_bytes()
     }
 
     /// The device it runs on.
@@ -140,31 +128,27 @@ impl GpuEngine {
         &self.gpu
     }
 
-    pub(super) fn compiled(&self) -> &Pipelines {
-        &self.pipelines
-    }
-
-    pub(super) fn buffers(&self) -> &Buffers {
-        &self.buffers
+    pub(super) fn memory(&self) -> &Memory {
+        &self.buffers.memory
     }
 
     /// Accounts for steps that were submitted outside a frame, after they ended.
     pub(super) fn settle(&mut self, steps: u64, dt_s: f64) -> Result<(), EngineError> {
-        let status = self.read_status()?;
-        if status.halt != 0 || status.finished == 0 {
-            return Err(self.failure(&status, dt_s));
+        let report = self.read_report()?;
+        if report.halt != 0 || report.finished == 0 {
+            return Err(self.failure(&report, dt_s));
         }
-        self.arrive(&status);
+        self.arrive(&report);
         self.steps += steps;
         self.time_s += steps as f64 * dt_s;
         Ok(())
     }
 
     /// Takes over what the last `g2p` measured.
-    fn arrive(&mut self, status: &Status) {
-        self.max_speed = f64::from(f32::from_bits(status.max_speed));
-        self.max_demand = f64::from(f32::from_bits(status.max_demand));
-        self.isolated += u64::from(status.isolated);
+    fn arrive(&mut self, report: &Report) {
+        self.max_speed = f64::from(f32::from_bits(report.max_speed));
+        self.max_demand = f64::from(f32::from_bits(report.max_demand));
+        self.isolated += u64::from(report.isolated);
     }
 
     fn set_scales(&mut self, dt_s: f64) {
@@ -176,8 +160,8 @@ impl GpuEngine {
         // Momentum comes from motion and from stress impulses, which are below c · strain a node.
         let speed =
             (4.0 * (self.max_speed + gravity * p.frame_s)).max(wave / 8.0).min(p.dx / dt_s) * self.momentum_range;
-        // Powers of two, so that scaling is exact: all nodes inside a body share one mass, and the rounding of one product
-        // would be a steady drift of its momentum.
+        // Powers of two, so that scaling is exact: all nodes inside a body share one mass, and the
+        // rounding of one product would be a steady drift of its momentum.
         let power_of_two = |x: f64| x.log2().floor().exp2() as f32;
         self.params.mass_scale = power_of_two(FULL_NODE / (full * self.mass_range));
         self.params.momentum_scale = power_of_two(FULL_NODE / (full * speed));
@@ -185,19 +169,19 @@ impl GpuEngine {
         self.params.soft_shift = p.cfl as f32;
         self.params.soft_growth = timestep::MAX_GROWTH as f32;
         self.params.soft_demand = (timestep::REPLAN_DEMAND / (dt_s * dt_s)) as f32;
-        self.params.capacity = self.buffers.sizes.capacity as u32;
+        self.params.capacity = self.buffers.counts.capacity as u32;
     }
 
     fn write_params(&self) {
-        self.gpu.queue.write_buffer(&self.buffers.params, 0, bytemuck::bytes_of(&self.params));
+        self.memory().write(&self.gpu, "params", 0, &[self.params]);
     }
 
-    fn write_status(&self, status: &Status) {
-        self.gpu.queue.write_buffer(self.buffers.get(binding::STATUS), 0, bytemuck::bytes_of(status));
+    fn write_report(&self, report: &Report) {
+        self.memory().write(&self.gpu, "report", 0, &[*report]);
     }
 
-    fn read_status(&self) -> Result<Status, EngineError> {
-        Ok(readback::read::<Status>(&self.gpu, self.buffers.get(binding::STATUS), 1)?[0])
+    pub(super) fn read_report(&self) -> Result<Report, EngineError> {
+        Ok(self.memory().read::<Report>(&self.gpu, "report", 1)?[0])
     }
 
     /// Collider poses of the steps `first..first + count` of the segment.
@@ -212,22 +196,23 @@ impl GpuEngine {
             })
             .map(|(c, t)| upload::pose(c, self.setup.origin, t))
             .collect();
-        self.gpu.queue.write_buffer(self.buffers.get(binding::POSES), 0, bytemuck::cast_slice(&poses));
+        self.memory().write(&self.gpu, "poses", 0, &poses);
         self.params.first_step = first as u32;
         self.write_params();
     }
 
-    fn submit(&self, work: impl IntoIterator<Item = (&'static [Dispatch], usize)>) -> wgpu::SubmissionIndex {
-        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&Default::default());
-            for (list, side) in work {
-                for &d in list {
-                    stages::record(&mut pass, d, &self.pipelines, &self.buffers, side, self.gpu.workgroup);
-                }
-            }
-        }
-        self.gpu.queue.submit([encoder.finish()])
+    pub(super) fn submit<'a>(&self, work: impl IntoIterator<Item = &'a Dispatch<Extent>>) -> wgpu::SubmissionIndex {
+        self.gpu.pass(|pass| work.into_iter().for_each(|dispatch| self.record(pass, dispatch)))
+    }
+
+    pub(super) fn record(&self, pass: &mut wgpu::ComputePass, dispatch: &Dispatch<Extent>) {
+        dispatch.record(pass, self.buffers.groups(dispatch.extent, self.gpu.workgroup));
+    }
+
+    /// Forgets the blocks of a side.
+    fn clear_side(&self, encoder: &mut wgpu::CommandEncoder, side: usize) {
+        encoder.clear_buffer(self.memory().of_side("table_in", side), 0, None);
+        encoder.clear_buffer(self.memory().of_side("blocks_in", side), 0, Some(4));
     }
 
     /// Full states → grid on side 0.
@@ -235,15 +220,12 @@ impl GpuEngine {
         self.set_scales(dt_s);
         self.params.first_step = 0;
         self.write_params();
-        self.write_status(&Status::frame_start());
-        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        for side in 0..2 {
-            encoder.clear_buffer(self.buffers.of_side(binding::TABLE, side), 0, None);
-            encoder.clear_buffer(self.buffers.of_side(binding::BLOCKS, side), 0, Some(4));
-        }
-        encoder.clear_buffer(self.buffers.get(binding::REACTIONS), 0, None);
-        self.gpu.queue.submit([encoder.finish()]);
-        self.submit([(&FRAME_START[..], 1)]);
+        self.write_report(&Report::frame_start());
+        self.gpu.submit(|encoder| {
+            (0..2).for_each(|side| self.clear_side(encoder, side));
+            encoder.clear_buffer(self.memory().get("reactions"), 0, None);
+        });
+        self.submit(self.stages.frame_start.iter());
     }
 
     /// Runs `total` equal steps or fewer, until the device has a reason to stop.
@@ -252,35 +234,36 @@ impl GpuEngine {
         let mut done = 0;
         loop {
             self.run_steps(done, dt_s, total, control)?;
-            let status = self.read_status()?;
+            let report = self.read_report()?;
             // The start's own commit counts up from -1 to 0.
-            let started = status.step != u32::MAX;
-            done = if started { u64::from(status.step) } else { 0 };
-            if status.halt & layout::HALT_ERROR != 0 {
-                return Err(self.failure(&status, dt_s));
+            let started = report.step != u32::MAX;
+            done = if started { u64::from(report.step) } else { 0 };
+            if report.halt & layout::HALT_ERROR != 0 {
+                return Err(self.failure(&report, dt_s));
             }
-            if status.halt & layout::HALT_BLOCKS != 0 {
-                self.grow(&status, (done % 2) as usize)?;
+            if report.halt & layout::HALT_BLOCKS != 0 {
+                self.grow(&report, (done % 2) as usize)?;
                 if started {
-                    self.write_status(&Status { halt: status.halt & !layout::HALT_BLOCKS, ..status });
+                    self.write_report(&Report { halt: report.halt & !layout::HALT_BLOCKS, ..report });
                 } else {
                     self.start(dt_s);
                 }
                 continue;
             }
-            if status.finished == 0 {
-                // A guard asked for another plan: the step at hand is complete on the grid, so bring it home as it is.
-                self.write_status(&Status { halt: 0, ..status });
+            if report.finished == 0 {
+                // A guard asked for another plan: the step at hand is complete on the grid, so
+                // bring it home as it is.
+                self.write_report(&Report { halt: 0, ..report });
                 self.write_poses(done, 1, dt_s);
-                self.submit([(&FRAME_END[..], (done % 2) as usize)]);
-                let end = self.read_status()?;
+                self.submit(self.stages.frame_end[(done % 2) as usize].iter());
+                let end = self.read_report()?;
                 if end.halt & layout::HALT_ERROR != 0 {
                     return Err(self.failure(&end, dt_s));
                 }
                 self.arrive(&end);
-                return Ok(Segment { steps: done + 1, halt: status.halt, impulses: self.impulses()? });
+                return Ok(Segment { steps: done + 1, halt: report.halt, impulses: self.impulses()? });
             }
-            self.arrive(&status);
+            self.arrive(&report);
             return Ok(Segment { steps: total, halt: 0, impulses: self.impulses()? });
         }
     }
@@ -289,7 +272,8 @@ impl GpuEngine {
         readback::reactions(&self.gpu, &self.buffers, &self.params)
     }
 
-    /// Submits steps `done..total`, at most two chunks ahead of the device, and nothing is read back.
+    /// Submits steps `done..total`, at most two chunks ahead of the device, and nothing is read
+    /// back.
     fn run_steps(&mut self, done: u64, dt_s: f64, total: u64, control: &dyn Control) -> Result<(), EngineError> {
         let mut in_flight: VecDeque<(wgpu::SubmissionIndex, usize)> = VecDeque::new();
         let mut next = done;
@@ -302,9 +286,7 @@ impl GpuEngine {
             }
             let count = self.chunk.min((total - next) as usize);
             self.write_poses(next, count, dt_s);
-            let work = (next..next + count as u64)
-                .map(|k| (if k + 1 == total { &FRAME_END[..] } else { &STEP[..] }, (k % 2) as usize));
-            let submission = self.submit(work);
+            let submission = self.submit((next..next + count as u64).flat_map(|k| self.stages_of(k, total)));
             next += count as u64;
             in_flight.push_back((submission, count));
             if in_flight.len() > 1 {
@@ -320,55 +302,24 @@ impl GpuEngine {
         Ok(())
     }
 
-    fn grow(&mut self, status: &Status, side: usize) -> Result<(), EngineError> {
-        let old = self.buffers.sizes.capacity;
-        let capacity = (status.needed as usize * 5 / 4 + 64).max(old * 3 / 2);
+    /// The dispatches of step `k` of `total`.
+    pub(super) fn stages_of(&self, k: u64, total: u64) -> impl Iterator<Item = &Dispatch<Extent>> {
+        let lists = if k + 1 == total { &self.stages.frame_end } else { &self.stages.step };
+        lists[(k % 2) as usize].iter()
+    }
+
+    fn grow(&mut self, report: &Report, side: usize) -> Result<(), EngineError> {
+        let old = self.buffers.counts.capacity;
+        let capacity = (report.needed as usize * 5 / 4 + 64).max(old * 3 / 2);
         self.buffers.grow(&self.gpu, capacity, side)?;
         self.params.capacity = capacity as u32;
         self.write_params();
+        let tools = Tools { gpu: &self.gpu, programs: &self.programs };
+        self.stages = Stages::new(tools, &self.buffers.memory);
         // The interrupted activation left claims without slots.
-        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        encoder.clear_buffer(self.buffers.of_side(binding::TABLE, 1 - side), 0, None);
-        encoder.clear_buffer(self.buffers.of_side(binding::BLOCKS, 1 - side), 0, Some(4));
-        self.gpu.queue.submit([encoder.finish()]);
+        self.gpu.submit(|encoder| self.clear_side(encoder, 1 - side));
         tracing::debug!(old, capacity, "grid grown");
         Ok(())
-    }
-
-    fn failure(&self, status: &Status, dt_s: f64) -> EngineError {
-        let step = self.steps + u64::from(status.index);
-        let time_s = self.time_s + f64::from(status.index) * dt_s;
-        let id = status.error_particle as usize;
-        let (who, cause) = self.suspect(id).unwrap_or_default();
-        if status.error & layout::ERROR_DOMAIN != 0 && status.error & layout::ERROR_NAN == 0 {
-            return EngineError::LeftDomain { step, time_s, what: who };
-        }
-        let fault = if status.error & layout::ERROR_NAN != 0 {
-            "is no longer finite"
-        } else if status.error & layout::ERROR_CFL != 0 {
-            "moved more than a cell in one step"
-        } else {
-            return EngineError::Diverged {
-                step,
-                time_s,
-                what: "a node's mass or momentum passed the fixed-point range; likely cause: speeds grew without bound"
-                    .into(),
-            };
-        };
-        EngineError::Diverged {
-            step,
-            time_s,
-            what: format!("{who} {fault}; likely cause, from the frame's start: {cause}"),
-        }
-    }
-
-    /// A particle's name, and what its state at the frame's start says about a failure.
-    fn suspect(&self, id: usize) -> Option<(String, String)> {
-        let p = readback::particles(&self.gpu, &self.buffers, &self.frame).ok()?;
-        let body = *p.body.get(id)? as usize;
-        let speed_m_s = p.v[id].iter().map(|v| v * v).sum::<f64>().sqrt();
-        let cause = likely_cause(&self.setup, &Suspect { body, f: p.f[id], speed_m_s });
-        Some((format!("particle {id} (body \"{}\")", self.setup.bodies[body].name), cause))
     }
 }
 
@@ -429,9 +380,9 @@ impl Engine for GpuEngine {
     }
 
     fn append(&mut self, particles: Particles) -> Result<(), EngineError> {
-        let data = self.frame.data(&particles)?;
-        self.buffers.put_states(&self.gpu, &data, &particles.body);
-        self.frame.body_of.extend(&particles.body);
+        let state = self.layout.state(&particles)?;
+        self.buffers.put_states(&self.gpu, &state, &particles.body);
+        self.layout.body_of.extend(&particles.body);
         self.params.live = self.buffers.live as u32;
         let speed = |v: &[f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
         self.max_speed = particles.v.iter().map(speed).fold(self.max_speed, f64::max);
@@ -439,44 +390,6 @@ impl Engine for GpuEngine {
     }
 
     fn snapshot(&mut self) -> Result<Particles, EngineError> {
-        readback::particles(&self.gpu, &self.buffers, &self.frame)
-    }
-}
-
-/// One step taken stage by stage, for comparison with the CPU engine's stages.
-pub struct Staged<'a> {
-    engine: &'a mut GpuEngine,
-    dt_s: f64,
-}
-
-impl<'a> Staged<'a> {
-    /// Transfers the particles to the grid; the nodes carry momentum.
-    pub fn p2g(engine: &'a mut GpuEngine, dt_s: f64) -> Result<(Self, Vec<GridNode>), EngineError> {
-        engine.start(dt_s);
-        let staged = Self { engine, dt_s };
-        let nodes = staged.nodes(false)?;
-        Ok((staged, nodes))
-    }
-
-    /// Updates the grid; the nodes carry velocity.
-    pub fn grid_update(&mut self) -> Result<Vec<GridNode>, EngineError> {
-        self.engine.write_poses(0, 1, self.dt_s);
-        self.engine.submit([(&FRAME_END[..2], 0)]);
-        self.nodes(true)
-    }
-
-    /// Finishes the step.
-    pub fn g2p(self) -> Result<Particles, EngineError> {
-        self.engine.submit([(&FRAME_END[2..], 0)]);
-        let status = self.engine.read_status()?;
-        if status.halt & layout::HALT_ERROR != 0 {
-            return Err(self.engine.failure(&status, self.dt_s));
-        }
-        self.engine.snapshot()
-    }
-
-    fn nodes(&self, updated: bool) -> Result<Vec<GridNode>, EngineError> {
-        let e = &self.engine;
-        readback::nodes(&e.gpu, &e.buffers, &e.setup, &e.params, 0, updated)
+        readback::particles(&self.gpu, &self.buffers, &self.layout)
     }
 }

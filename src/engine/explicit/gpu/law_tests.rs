@@ -1,20 +1,23 @@
-//! The shaders' laws against those of `gridfall_core::material`, each on random, rotated, flat and inverted states; and the shaders' SVD by
-//! reconstruction. Runs on software Vulkan unless `GRIDFALL_TEST_ADAPTER` names a device.
+//! The shaders' laws against those of `gridfall_core::material`, each on random, rotated, flat and
+//! inverted states; and the shaders' SVD by reconstruction. Runs on software Vulkan unless
+//! `GRIDFALL_TEST_ADAPTER` names a device.
 
 use rand::{Rng, SeedableRng, rngs::StdRng};
 
-use super::buffers::{Buffers, Sizes, binding};
+use super::buffers::Counts;
 use super::layout::{self, Params};
-use super::shaders::{Stage, source};
-use super::{readback, upload};
-use crate::gpu::device::Gpu;
+use super::upload;
+use crate::gpu::memory::{Memory, Scope};
+use crate::gpu::program::{Dispatch, Workgroups};
+use crate::gpu::{Gpu, Shader, Variant};
 use gridfall_core::material::{Law, initial_plastic_state, samples};
 use gridfall_core::maths::linalg::{Matrix, det, identity, mul, mul_transpose};
 use gridfall_core::maths::svd::svd;
 use gridfall_core::sim::setup::{Kernel, Material};
 
 /// One thread a state: return map, stress, and the SVD of the state as it came.
-const ENTRY: &str = "
+const ENTRY: &str = "// uses explicit/state_io
+
 fn off_identity(m: mat3x3<f32>) -> f32 {
     let e = transpose(m) * m - mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
     return max(max_entry(e[0]), max(max_entry(e[1]), max_entry(e[2])));
@@ -85,11 +88,11 @@ struct Answer {
     determinants: f64,
 }
 
-/// Runs an entry point, one thread a state, with the laws' shaders before it.
-pub(super) fn run(gpu: &Gpu, materials: &[Material], states: &[State], entry: &str) -> Written {
+/// Runs a shader, one thread a state.
+pub(super) fn run(gpu: &Gpu, materials: &[Material], states: &[State], text: &str) -> Written {
     let n = states.len();
     let (channels, one) = (10, 1);
-    let sizes = Sizes {
+    let counts = Counts {
         particles: n,
         table: one,
         capacity: one,
@@ -101,7 +104,7 @@ pub(super) fn run(gpu: &Gpu, materials: &[Material], states: &[State], entry: &s
         sdf_samples: 0,
         colliders: 0,
     };
-    let buffers = Buffers::new(gpu, sizes).unwrap();
+    let memory = Memory::new(gpu, &counts.sizes()).unwrap();
     let uploaded: Vec<layout::Material> = materials.iter().map(upload::material).collect();
     let mut deformation = vec![0.0f32; channels * n];
     for (i, state) in states.iter().enumerate() {
@@ -116,28 +119,22 @@ pub(super) fn run(gpu: &Gpu, materials: &[Material], states: &[State], entry: &s
     }
     let body_of: Vec<u32> = states.iter().map(|s| s.material as u32).collect();
     let params = Params { particles: n as u32, ..Params::default() };
-    gpu.queue.write_buffer(&buffers.params, 0, bytemuck::bytes_of(&params));
-    gpu.queue.write_buffer(buffers.get(binding::MATERIALS), 0, bytemuck::cast_slice(&uploaded));
-    gpu.queue.write_buffer(buffers.get(binding::BODY_OF), 0, bytemuck::cast_slice(&body_of));
-    gpu.queue.write_buffer(buffers.get(binding::DEFORMATION), 0, bytemuck::cast_slice(&deformation));
+    memory.write(gpu, "params", 0, &[params]);
+    memory.write(gpu, "materials", 0, &uploaded);
+    memory.write(gpu, "body_of", 0, &body_of);
+    memory.write(gpu, "deformation_in", 0, &deformation);
 
-    let text = source(Stage::P2g, Kernel::Compact).replace(Stage::P2g.entry(), entry);
-    let pipeline = gpu.compile("laws", &text, &[Some(&gpu.layout)], &[]);
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    {
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        pass.set_pipeline(&pipeline);
-        pass.set_bind_group(0, &buffers.bind[0], &[]);
-        pass.dispatch_workgroups((n as u32).div_ceil(64), 1, 1);
-    }
-    gpu.queue.submit([encoder.finish()]);
+    let variant = Variant { kernel: Kernel::Compact, mls: true, principal: true };
+    let shader = Shader::of_text("laws", text, variant, gpu.workgroup).unwrap_or_else(|e| panic!("{e}"));
+    let dispatch = Dispatch::of(gpu, gpu.program("laws", shader), (), &Scope::of(&memory));
+    gpu.pass(|pass| dispatch.record(pass, Workgroups::Folded(n.div_ceil(64))));
     gpu.check().unwrap();
-    let read = |b: usize, channels: usize| -> Vec<f32> { readback::read(gpu, buffers.get(b), channels * n).unwrap() };
+    let read = |name: &str, channels: usize| -> Vec<f32> { memory.read(gpu, name, channels * n).unwrap() };
     Written {
         states: n,
-        deformation: read(binding::DEFORMATION + 1, channels),
-        velocity: read(binding::FRAME_VELOCITY, 12),
-        frame_deformation: read(binding::FRAME_DEFORMATION, channels),
+        deformation: read("deformation_out", channels),
+        velocity: read("frame_velocity", 12),
+        frame_deformation: read("frame_deformation", channels),
     }
 }
 
@@ -197,7 +194,8 @@ pub(super) fn distance(a: &Matrix<f64, 3>, b: &Matrix<f64, 3>) -> f64 {
     })
 }
 
-/// Largest differences over the states of each material: F, plastic state, τ over the stiffness at the state, stiffening over its value.
+/// Largest differences over the states of each material: F, plastic state, τ over the stiffness at
+/// the state, stiffening over its value.
 fn differences(materials: &[Material], states: &[State], answers: &[Answer]) -> Vec<[f64; 4]> {
     let mut worst = vec![[0.0f64; 4]; materials.len()];
     for (state, answer) in states.iter().zip(answers) {
@@ -222,8 +220,9 @@ fn differences(materials: &[Material], states: &[State], answers: &[Answer]) -> 
     worst
 }
 
-/// f32 roundings of a decomposition. The deviator that NACC's surface allows has an infinite slope at the tips, where a rounding of J
-/// comes back as a few of F; snow's stiffness has one of J_p ten times over. The planted errors show that this is small enough.
+/// f32 roundings of a decomposition. The deviator that NACC's surface allows has an infinite slope
+/// at the tips, where a rounding of J comes back as a few of F; snow's stiffness has one of J_p ten
+/// times over. The planted errors show that this is small enough.
 const TOLERANCE: [f64; 4] = [1e-5, 3e-6, 1e-5, 3e-5];
 
 #[test]

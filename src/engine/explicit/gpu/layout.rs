@@ -1,4 +1,5 @@
-//! Rust twins of the structs in `wgsl/shared/layout.wgsl`; `tests/layout.rs` compares every offset with naga's.
+//! Rust twins of the structs in `wgsl/explicit/layout.wgsl` and `wgsl/shared/structs.wgsl`;
+//! `tests/layout.rs` compares every offset with naga's.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -8,7 +9,8 @@ pub const BLOCK_NODES: usize = 64;
 pub const NODE_CHANNELS: usize = 4;
 /// v and B of a particle.
 pub const VELOCITY_CHANNELS: usize = 12;
-/// Blocks of room around a domain with walls: particles may stand a little beyond a wall, and scatter further.
+/// Blocks of room around a domain with walls: particles may stand a little beyond a wall, and
+/// scatter further.
 pub const PAD_BLOCKS: usize = 2;
 /// Most particles in a work item (`WORK_MAX` in the shaders).
 pub const WORK_MAX: usize = 1024;
@@ -28,6 +30,10 @@ pub const ERROR_NAN: u32 = 1;
 pub const ERROR_CFL: u32 = 2;
 pub const ERROR_DOMAIN: u32 = 4;
 pub const ERROR_RANGE: u32 = 8;
+
+/// Indirect dispatches that there is room for, and the bytes of each.
+pub const DISPATCHES: usize = 8;
+pub const DISPATCH_BYTES: usize = 16;
 
 /// Indirect dispatches, in the order of the shaders' `GROUPS_*`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,7 +73,7 @@ pub struct Params {
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct Status {
+pub struct Report {
     pub halt: u32,
     pub error: u32,
     pub error_particle: u32,
@@ -82,10 +88,10 @@ pub struct Status {
     pub max_demand: u32,
     pub isolated: u32,
     pub finished: u32,
-    pub groups: [u32; 8],
+    pub groups: [u32; DISPATCHES],
 }
 
-impl Status {
+impl Report {
     /// Before a frame's first commit, which counts up to step 0.
     pub fn frame_start() -> Self {
         Self { error_particle: u32::MAX, step: u32::MAX, ..Self::default() }

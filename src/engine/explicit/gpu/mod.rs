@@ -1,21 +1,43 @@
-//! The explicit GPU engine: 3D, f32, in fused G2P2G compute shaders (`wgsl/`).
+//! The explicit GPU engine: 3D, f32, in fused G2P2G compute shaders (`wgsl/explicit/`).
 //!
-//! `shaders` composes WGSL, `layout` holds the twins of shader structs, `buffers` owns device memory, `upload` turns a setup and its
-//! particles into device data, `stages` records dispatches, `engine` runs frames and answers for overflow, re-planning and errors,
-//! `readback` brings states home.
+//! `layout` holds the twins of shader structs, `buffers` says what device memory there is, `upload`
+//! turns a setup and its particles into device data, `stages` lists the dispatches of a frame,
+//! `engine` runs frames and answers for overflow and re-planning, `failure` for errors, `readback`
+//! brings states home, and `staged` stops between the stages of a step.
 
 pub(crate) mod buffers;
 #[cfg(test)]
 mod derivative_tests;
 mod engine;
+mod failure;
 #[cfg(test)]
 mod law_tests;
 pub mod layout;
 pub(crate) mod readback;
-pub mod shaders;
-mod stages;
+mod staged;
+pub mod stages;
 pub mod timing;
 pub(crate) mod upload;
 
-pub use engine::{GpuEngine, Staged, supports};
+pub use engine::GpuEngine;
 pub use readback::GridNode;
+pub use staged::Staged;
+
+use gridfall_core::sim::setup::{Kernel, Precision, Setup, Transfer};
+
+/// Whether the GPU engine can run a problem at all; the reason if not.
+pub fn supports(setup: &Setup) -> Result<(), String> {
+    if setup.dimension != 3 {
+        return Err("the GPU engine is 3D only".into());
+    }
+    if !matches!(setup.kernel, Kernel::Compact | Kernel::Quadratic) {
+        return Err("the GPU engine has the compact and the quadratic kernel".into());
+    }
+    if setup.transfer == Transfer::Pic {
+        return Err("the GPU engine has the transfers apic and mls".into());
+    }
+    if setup.precision != Precision::F32 {
+        return Err("the GPU engine is f32 only".into());
+    }
+    Ok(())
+}

@@ -1,12 +1,10 @@
 //! States from the device: particles at a frame boundary, grid nodes for comparison with the CPU.
 
-use bytemuck::Pod;
-
-use super::buffers::{Buffers, binding};
-use super::layout::{BLOCK_NODES, NODE_CHANNELS, Params, REACTION_UNITS, REPLICAS};
-use super::upload::{Frame, grid_offsets};
+use super::buffers::Buffers;
+use super::layout::{BLOCK_NODES, NODE_CHANNELS, Params, REACTION_UNITS, REPLICAS, VELOCITY_CHANNELS};
+use super::upload::{DeviceLayout, grid_offsets};
 use crate::contract::EngineError;
-use crate::gpu::device::Gpu;
+use crate::gpu::Gpu;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::Reaction;
 use gridfall_core::sim::setup::Setup;
@@ -24,44 +22,25 @@ pub struct GridNode {
     pub value: [f64; 3],
 }
 
-/// Copies a buffer's first `count` elements home.
-pub fn read<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>, EngineError> {
-    let bytes = (count * size_of::<T>()) as u64;
-    let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some("readback"),
-        size: bytes,
-        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-        mapped_at_creation: false,
-    });
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
-    let submission = gpu.queue.submit([encoder.finish()]);
-    staging.map_async(wgpu::MapMode::Read, .., |_| {});
-    gpu.wait(Some(submission))?;
-    let view = staging.get_mapped_range(..).map_err(|e| EngineError::DeviceLost(format!("{e:?}")))?;
-    // The mapping may be less aligned than T.
-    Ok(view.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect())
-}
-
 /// Full states at the last frame boundary.
-pub fn particles(gpu: &Gpu, b: &Buffers, frame: &Frame) -> Result<Particles, EngineError> {
-    let n = b.sizes.particles;
-    let position: Vec<[u32; 4]> = read(gpu, b.get(binding::FRAME_POSITION), b.live)?;
-    let velocity: Vec<f32> = read(gpu, b.get(binding::FRAME_VELOCITY), 12 * n)?;
-    let deformation: Vec<f32> = read(gpu, b.get(binding::FRAME_DEFORMATION), b.sizes.channels * n)?;
-    Ok(frame.particles(&position, &velocity, &deformation, n))
+pub fn particles(gpu: &Gpu, b: &Buffers, layout: &DeviceLayout) -> Result<Particles, EngineError> {
+    let n = b.counts.particles;
+    let position: Vec<[u32; 4]> = b.memory.read(gpu, "frame_position", b.live)?;
+    let velocity: Vec<f32> = b.memory.read(gpu, "frame_velocity", VELOCITY_CHANNELS * n)?;
+    let deformation: Vec<f32> = b.memory.read(gpu, "frame_deformation", b.counts.channels * n)?;
+    Ok(layout.particles(&position, &velocity, &deformation, n))
 }
 
 /// What the surfaces took since the sums were cleared: impulses and moments.
 pub fn reactions(gpu: &Gpu, b: &Buffers, params: &Params) -> Result<Vec<Reaction>, EngineError> {
-    let n = b.sizes.reaction_sums();
-    let words: Vec<[u32; 2]> = read(gpu, b.get(binding::REACTIONS), REPLICAS * n)?;
+    let n = b.counts.reaction_sums();
+    let words: Vec<[u32; 2]> = b.memory.read(gpu, "reactions", REPLICAS * n)?;
     let sum = |k: usize| -> f64 {
         let value = |[low, high]: [u32; 2]| (u64::from(high) << 32 | u64::from(low)) as i64;
         (0..REPLICAS).fold(0i64, |sum, r| sum.wrapping_add(value(words[r * n + k]))) as f64
     };
     // Both grids of a pair carry all mass.
-    let unit = 1.0 / (REACTION_UNITS * f64::from(params.momentum_scale) * b.sizes.grids as f64);
+    let unit = 1.0 / (REACTION_UNITS * f64::from(params.momentum_scale) * b.counts.grids as f64);
     let reaction = |first: usize| Reaction {
         force: [0, 1, 2].map(|k| sum(first + k) * unit),
         torque: [3, 4, 5].map(|k| sum(first + k) * unit * f64::from(params.dx)),
@@ -78,10 +57,10 @@ pub fn nodes(
     side: usize,
     updated: bool,
 ) -> Result<Vec<GridNode>, EngineError> {
-    let blocks: Vec<u32> = read(gpu, b.of_side(binding::BLOCKS, side), b.sizes.capacity + 1)?;
-    let active = (blocks[0] as usize).min(b.sizes.capacity);
-    let grids = b.sizes.grids;
-    let values: Vec<i32> = read(gpu, b.of_side(binding::GRID, side), active * grids * BLOCK_NODES * NODE_CHANNELS)?;
+    let blocks: Vec<u32> = gpu.read(b.memory.of_side("blocks_in", side), b.counts.capacity + 1)?;
+    let active = (blocks[0] as usize).min(b.counts.capacity);
+    let grids = b.counts.grids;
+    let values: Vec<i32> = gpu.read(b.memory.of_side("grid_in", side), active * grids * BLOCK_NODES * NODE_CHANNELS)?;
     let momentum_unit = 1.0 / f64::from(params.momentum_scale);
     let mut out = Vec::new();
     for slot in 0..active {

@@ -1,9 +1,8 @@
-//! The steps of a frame as lists of dispatches, and their recording.
+//! The steps of a frame as lists of dispatches.
 
-use super::buffers::Buffers;
 use super::layout::Groups;
-use super::shaders::Stage;
-use crate::gpu::device::Pipelines;
+use crate::gpu::memory::{Memory, Scope};
+use crate::gpu::program::{Dispatches, Tools};
 
 /// How many workgroups a dispatch has.
 #[derive(Clone, Copy, Debug)]
@@ -16,61 +15,65 @@ pub enum Extent {
     Device(Groups),
 }
 
-pub type Dispatch = (Stage, Extent);
+use Extent::{Device, One, Particles};
+
+/// A program in `wgsl/`, and its extent.
+type Stage = (&'static str, Extent);
 
 /// Full particle states → grid.
-pub const FRAME_START: [Dispatch; 8] = [
-    (Stage::Mark, Extent::Particles),
-    (Stage::Commit, Extent::One),
-    (Stage::Clear, Extent::Device(Groups::BlocksOut)),
-    (Stage::Rank, Extent::Device(Groups::Particles)),
-    (Stage::Offsets, Extent::Device(Groups::SlotsOut)),
-    (Stage::Bin, Extent::Device(Groups::Particles)),
-    (Stage::Launch, Extent::One),
-    (Stage::P2g, Extent::Device(Groups::Work)),
+pub const FRAME_START: &[Stage] = &[
+    ("explicit/mark", Particles),
+    ("explicit/commit", One),
+    ("explicit/clear", Device(Groups::BlocksOut)),
+    ("explicit/rank", Device(Groups::Particles)),
+    ("explicit/offsets", Device(Groups::SlotsOut)),
+    ("explicit/bin", Device(Groups::Particles)),
+    ("explicit/launch", One),
+    ("explicit/p2g", Device(Groups::Work)),
 ];
 
-/// Grid n → grid n + 1. Activation comes first, so that a step that lacks room leaves everything as it was.
-pub const STEP: [Dispatch; 9] = [
-    (Stage::Prepare, Extent::One),
-    (Stage::Reset, Extent::Device(Groups::Stale)),
-    (Stage::Activate, Extent::Device(Groups::Work)),
-    (Stage::Commit, Extent::One),
-    (Stage::GridUpdate, Extent::Device(Groups::BlocksIn)),
-    (Stage::Clear, Extent::Device(Groups::BlocksOut)),
-    (Stage::G2p2g, Extent::Device(Groups::Work)),
-    (Stage::Offsets, Extent::Device(Groups::SlotsOut)),
-    (Stage::Bin, Extent::Device(Groups::Particles)),
+/// Grid n → grid n + 1. Activation comes first, so that a step that lacks room leaves everything
+/// as it was.
+pub const STEP: &[Stage] = &[
+    ("explicit/prepare", One),
+    ("explicit/reset", Device(Groups::Stale)),
+    ("explicit/activate", Device(Groups::Work)),
+    ("explicit/commit", One),
+    ("explicit/grid_update", Device(Groups::BlocksIn)),
+    ("explicit/clear", Device(Groups::BlocksOut)),
+    ("explicit/g2p2g", Device(Groups::Work)),
+    ("explicit/offsets", Device(Groups::SlotsOut)),
+    ("explicit/bin", Device(Groups::Particles)),
 ];
 
 /// The last step: grid → full particle states.
-pub const FRAME_END: [Dispatch; 3] = [
-    (Stage::Prepare, Extent::One),
-    (Stage::GridUpdate, Extent::Device(Groups::BlocksIn)),
-    (Stage::G2p, Extent::Device(Groups::Work)),
+pub const FRAME_END: &[Stage] = &[
+    ("explicit/prepare", One),
+    ("explicit/grid_update", Device(Groups::BlocksIn)),
+    ("explicit/g2p", Device(Groups::Work)),
 ];
 
-/// Records one dispatch with side `side` as `_in`.
-pub fn record(
-    pass: &mut wgpu::ComputePass,
-    dispatch: Dispatch,
-    pipelines: &Pipelines,
-    b: &Buffers,
-    side: usize,
-    workgroup: u32,
-) {
-    let (stage, extent) = dispatch;
-    pass.set_pipeline(&pipelines.stages[&stage]);
-    pass.set_bind_group(0, &b.bind[side], &[]);
-    if stage.writes_dispatches() {
-        pass.set_bind_group(1, &b.dispatch_bind, &[]);
-    }
-    match extent {
-        Extent::One => pass.dispatch_workgroups(1, 1, 1),
-        Extent::Particles => {
-            let groups = (b.live as u32).div_ceil(workgroup);
-            pass.dispatch_workgroups(groups.min(32768), groups.div_ceil(32768), 1);
+/// Names of all programs.
+pub fn programs() -> Vec<&'static str> {
+    [FRAME_START, STEP, FRAME_END].concat().into_iter().map(|(name, _)| name).collect()
+}
+
+/// The lists with a simulation's buffers.
+pub struct Stages {
+    /// Fills side 0.
+    pub frame_start: Dispatches<Extent>,
+    /// By the side that is `_in`.
+    pub step: [Dispatches<Extent>; 2],
+    pub frame_end: [Dispatches<Extent>; 2],
+}
+
+impl Stages {
+    pub fn new(tools: Tools, memory: &Memory) -> Self {
+        let on = |side, list| Dispatches::new(tools, list, &Scope::default().and_side(memory, side));
+        Self {
+            frame_start: on(1, FRAME_START),
+            step: [0, 1].map(|side| on(side, STEP)),
+            frame_end: [0, 1].map(|side| on(side, FRAME_END)),
         }
-        Extent::Device(which) => pass.dispatch_workgroups_indirect(&b.dispatches, 16 * which as u64),
     }
 }

@@ -1,13 +1,13 @@
-//! Measurements on the device: time per stage from timestamps, and the copy bandwidth that speeds are compared with.
+//! Measurements on the device: time per stage from timestamps, and the copy bandwidth that speeds
+//! are compared with.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
 
 use super::engine::GpuEngine;
-use super::readback;
-use super::stages::{self, FRAME_END, STEP};
+use super::stages::STEP;
 use crate::contract::EngineError;
-use crate::gpu::device::Gpu;
+use crate::gpu::Gpu;
 
 /// Steps that one profile takes at most: two timestamps a dispatch, 4096 in a query set.
 const MAX_STEPS: u64 = 4096 / 2 / STEP.len() as u64 - 1;
@@ -21,9 +21,11 @@ pub struct Profile {
 }
 
 impl GpuEngine {
-    /// Runs up to `steps` equal steps of `dt_s` with a timestamp around every dispatch, and brings the particles home.
+    /// Runs up to `steps` equal steps of `dt_s` with a timestamp around every dispatch, and brings
+    /// the particles home.
     ///
-    /// Passes are separate here, so that the sum is more than an ordinary run takes. `None` without timestamp support.
+    /// Passes are separate here, so that the sum is more than an ordinary run takes. `None` without
+    /// timestamp support.
     pub fn profile(&mut self, steps: u64, dt_s: f64) -> Result<Option<Profile>, EngineError> {
         let gpu = self.gpu().clone();
         if !gpu.timestamps {
@@ -32,12 +34,7 @@ impl GpuEngine {
         let steps = steps.clamp(1, MAX_STEPS);
         self.start(dt_s);
         self.write_poses(0, steps as usize, dt_s);
-        let dispatches: Vec<_> = (0..steps)
-            .flat_map(|k| {
-                let list = if k + 1 == steps { &FRAME_END[..] } else { &STEP[..] };
-                list.iter().map(move |&d| (d, (k % 2) as usize))
-            })
-            .collect();
+        let dispatches: Vec<_> = (0..steps).flat_map(|k| self.stages_of(k, steps)).collect();
         let queries = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
             label: Some("stages"),
             ty: wgpu::QueryType::Timestamp,
@@ -49,26 +46,28 @@ impl GpuEngine {
             usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        for (i, &(dispatch, side)) in dispatches.iter().enumerate() {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: Some(dispatch.0.name()),
-                timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
-                    query_set: &queries,
-                    beginning_of_pass_write_index: Some(2 * i as u32),
-                    end_of_pass_write_index: Some(2 * i as u32 + 1),
-                }),
-            });
-            stages::record(&mut pass, dispatch, self.compiled(), self.buffers(), side, gpu.workgroup);
-        }
-        encoder.resolve_query_set(&queries, 0..2 * dispatches.len() as u32, &resolved, 0);
-        gpu.queue.submit([encoder.finish()]);
-        let ticks: Vec<u64> = readback::read(&gpu, &resolved, 2 * dispatches.len())?;
+        gpu.submit(|encoder| {
+            for (i, dispatch) in (0u32..).zip(&dispatches) {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                    label: Some(dispatch.name()),
+                    timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
+                        query_set: &queries,
+                        beginning_of_pass_write_index: Some(2 * i),
+                        end_of_pass_write_index: Some(2 * i + 1),
+                    }),
+                });
+                self.record(&mut pass, dispatch);
+            }
+            encoder.resolve_query_set(&queries, 0..2 * dispatches.len() as u32, &resolved, 0);
+        });
+        let ticks: Vec<u64> = gpu.read(&resolved, 2 * dispatches.len())?;
+        let stages: Vec<_> = dispatches.iter().map(|dispatch| dispatch.name()).collect();
         self.settle(steps, dt_s)?;
         let period_s = f64::from(gpu.queue.get_timestamp_period()) * 1e-9;
         let mut profile = Profile { steps, ..Profile::default() };
-        for (pair, (dispatch, _)) in ticks.chunks_exact(2).zip(&dispatches) {
-            *profile.stage_s.entry(dispatch.0.name()).or_default() += pair[1].saturating_sub(pair[0]) as f64 * period_s;
+        for (pair, stage) in ticks.chunks_exact(2).zip(stages) {
+            let name = stage.trim_start_matches("explicit/");
+            *profile.stage_s.entry(name).or_default() += pair[1].saturating_sub(pair[0]) as f64 * period_s;
         }
         Ok(Some(profile))
     }
@@ -90,9 +89,7 @@ pub fn copy_bandwidth(gpu: &Gpu) -> Result<f64, EngineError> {
     let mut best: f64 = 0.0;
     for _ in 0..4 {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        for _ in 0..repeats {
-            encoder.copy_buffer_to_buffer(&from, 0, &to, 0, bytes);
-        }
+        (0..repeats).for_each(|_| encoder.copy_buffer_to_buffer(&from, 0, &to, 0, bytes));
         let commands = encoder.finish();
         gpu.wait(None)?;
         let begin = Instant::now();

@@ -4,12 +4,14 @@ use super::layout::{self, PAD_BLOCKS, Params};
 use crate::contract::EngineError;
 use gridfall_core::material::Law;
 use gridfall_core::material::parameters::Elasticity;
+use gridfall_core::maths::linalg::{det, from_row_major};
 use gridfall_core::sim::collider::{Collider, Primitive, SdfOp};
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::{Axis, Contact, ContactKind, Kernel, Material, Setup};
 use gridfall_core::sim::timestep::demands_at_rest_1_s2;
 
-/// Cells by which a kernel's base node is shifted: y = x/dx - shift has floor(y) as its first node (`SHIFT` in the shaders).
+/// Cells by which a kernel's base node is shifted: y = x/dx - shift has floor(y) as its first node
+/// (`SHIFT` in the shaders).
 pub fn shift(kernel: Kernel) -> f64 {
     if kernel == Kernel::Quadratic { 0.5 } else { 0.25 }
 }
@@ -20,7 +22,7 @@ pub fn grid_offsets(kernel: Kernel) -> &'static [i32] {
 }
 
 /// Everything about the device's coordinates and state layout that does not change during a run.
-pub struct Frame {
+pub struct DeviceLayout {
     origin: [f64; 3],
     dx: f64,
     shift: f64,
@@ -33,18 +35,19 @@ pub struct Frame {
     fluid: Vec<bool>,
     /// By body: whether particles have a plastic state.
     plastic: Vec<bool>,
-    /// Deformation channels a particle: 1 if all bodies are fluids, 9 for F, 10 if any body has a plastic state.
+    /// Deformation channels a particle: 1 if all bodies are fluids, 9 for F, 10 if any body has a
+    /// plastic state.
     pub channels: usize,
 }
 
 /// Particle states in device form.
-pub struct FrameData {
+pub struct DeviceState {
     pub position: Vec<[u32; 4]>,
     pub velocity: Vec<f32>,
     pub deformation: Vec<f32>,
 }
 
-impl Frame {
+impl DeviceLayout {
     pub fn new(setup: &Setup) -> Self {
         let periodic = setup.axes.map(|a| a == Axis::Periodic);
         let pad = periodic.map(|p| if p { 0 } else { PAD_BLOCKS });
@@ -74,7 +77,8 @@ impl Frame {
         self.blocks.iter().product()
     }
 
-    /// Blocks that hold particles, or lie beside one that does: what the first activation will ask for.
+    /// Blocks that hold particles, or lie beside one that does: what the first activation will ask
+    /// for.
     pub fn active_blocks(&self, position: &[[u32; 4]]) -> usize {
         let mut seen = vec![false; self.table_len()];
         for p in position {
@@ -97,39 +101,39 @@ impl Frame {
     }
 
     /// States by id. Errors: [`EngineError::LeftDomain`] for a particle outside the block table.
-    pub fn data(&self, particles: &Particles) -> Result<FrameData, EngineError> {
+    pub fn state(&self, particles: &Particles) -> Result<DeviceState, EngineError> {
         let n = particles.len();
-        let mut data = FrameData {
+        let mut state = DeviceState {
             position: Vec::with_capacity(n),
             velocity: vec![0.0; 12 * n],
             deformation: vec![0.0; self.channels * n],
         };
         for id in 0..n {
-            data.position.push(self.position(particles.x[id]).ok_or_else(|| EngineError::LeftDomain {
+            state.position.push(self.position(particles.x[id]).ok_or_else(|| EngineError::LeftDomain {
                 step: 0,
                 time_s: 0.0,
                 what: format!("particle {id} starts at {:?}", particles.x[id]),
             })?);
             for k in 0..3 {
-                data.velocity[k * n + id] = particles.v[id][k] as f32;
+                state.velocity[k * n + id] = particles.v[id][k] as f32;
                 for column in 0..3 {
                     // Device distances are in cells.
-                    data.velocity[(3 + 3 * column + k) * n + id] = (particles.b[id][3 * k + column] / self.dx) as f32;
+                    state.velocity[(3 + 3 * column + k) * n + id] = (particles.b[id][3 * k + column] / self.dx) as f32;
                 }
             }
             if self.plastic[particles.body[id] as usize] {
-                data.deformation[9 * n + id] = particles.plastic[id] as f32;
+                state.deformation[9 * n + id] = particles.plastic[id] as f32;
             }
             let f = &particles.f[id];
             if self.fluid[particles.body[id] as usize] {
-                data.deformation[id] = determinant(f) as f32;
+                state.deformation[id] = det(&from_row_major::<f64, 3>(f)) as f32;
             } else {
                 for (row, column) in (0..3).flat_map(|r| (0..3).map(move |c| (r, c))) {
-                    data.deformation[(3 * column + row) * n + id] = f[3 * row + column] as f32;
+                    state.deformation[(3 * column + row) * n + id] = f[3 * row + column] as f32;
                 }
             }
         }
-        Ok(data)
+        Ok(state)
     }
 
     fn position(&self, x: [f64; 3]) -> Option<[u32; 4]> {
@@ -209,10 +213,6 @@ impl Frame {
     }
 }
 
-fn determinant(f: &[f64; 9]) -> f64 {
-    f[0] * (f[4] * f[8] - f[5] * f[7]) - f[1] * (f[3] * f[8] - f[5] * f[6]) + f[2] * (f[3] * f[7] - f[4] * f[6])
-}
-
 fn contact_code(contact: Contact) -> u32 {
     match contact.kind {
         ContactKind::Sticky => 0,
@@ -256,7 +256,8 @@ pub fn material(material: &Material) -> layout::Material {
     layout::Material { model, a, b, c, d, e, ..layout::Material::default() }
 }
 
-/// Signed distance programs, the samples of their fields, and colliders, in coordinates relative to `domain.min`.
+/// Signed distance programs, the samples of their fields, and colliders, in coordinates relative to
+/// `domain.min`.
 pub fn colliders(setup: &Setup) -> (Vec<layout::SdfOp>, Vec<f32>, Vec<layout::Collider>) {
     let (mut ops, mut samples, mut out) = (Vec::new(), Vec::new(), Vec::new());
     for c in &setup.colliders {

@@ -1,4 +1,5 @@
-//! Rust twins of the structs in `wgsl/implicit/layout.wgsl`; `tests/layout.rs` compares every offset with naga's.
+//! Rust twins of the structs in `wgsl/implicit/layout.wgsl`; `tests/layout.rs` compares every
+//! offset with naga's.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -27,7 +28,7 @@ pub struct Params {
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct Status {
+pub struct Report {
     pub error: u32,
     pub error_particle: u32,
     pub max_shift: u32,

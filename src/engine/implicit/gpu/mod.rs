@@ -7,12 +7,10 @@ pub mod interface;
 pub mod layout;
 pub mod linear;
 mod particles;
-mod pipelines;
 mod readback;
-pub mod shaders;
+pub mod stages;
 mod step;
 
 pub use engine::supports;
-pub(crate) use pipelines::Pipelines;
 pub use readback::{NodeReading, SystemReading};
 pub use step::DeviceStep;

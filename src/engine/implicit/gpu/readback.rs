@@ -3,7 +3,6 @@
 use super::interface::{Evaluate, slots};
 use super::step::DeviceStep;
 use crate::contract::EngineError;
-use crate::explicit::gpu::readback::read;
 use crate::implicit::solver::objective::{Freedom, NodeId};
 
 /// A node that particles touch.
@@ -16,7 +15,8 @@ pub struct NodeReading {
     pub velocity: [f64; 3],
     /// ξ_i (Pa).
     pub stiffness: f64,
-    /// m/s: where the solver starts, and what is prescribed; after the step, the velocity at its end.
+    /// m/s: where the solver starts, and what is prescribed; after the step, the velocity at its
+    /// end.
     pub target: [f64; 3],
 }
 
@@ -38,13 +38,13 @@ pub struct SystemReading {
 impl DeviceStep {
     /// The nodes that particles touch. `ended`: after the step's end.
     pub fn nodes(&self, ended: bool) -> Result<Vec<NodeReading>, EngineError> {
-        let grids = self.buffers.sizes.grids();
-        let n = self.blocks * grids * 64;
-        let get = |name: &str| self.buffers.get(name);
-        let list: Vec<u32> = read(&self.gpu, get("block_list"), self.blocks)?;
-        let node: Vec<[f32; 4]> = read(&self.gpu, get("node"), n)?;
-        let stiffness: Vec<f32> = read(&self.gpu, get("node_scale"), n)?;
-        let target: Vec<[f32; 4]> = read(&self.gpu, get(if ended { "moving" } else { "begin" }), n)?;
+        let grids = self.buffers.counts.grids();
+        let (blocks, memory) = (self.buffers.blocks, &self.buffers.memory);
+        let n = blocks * grids * 64;
+        let list: Vec<u32> = memory.read(&self.gpu, "block_list", blocks)?;
+        let node: Vec<[f32; 4]> = memory.read(&self.gpu, "node", n)?;
+        let stiffness: Vec<f32> = memory.read(&self.gpu, "node_scale", n)?;
+        let target: Vec<[f32; 4]> = memory.read(&self.gpu, if ended { "moving" } else { "begin" }, n)?;
         let small = |v: [f32; 4]| [v[0], v[1], v[2]].map(f64::from);
         let reading = |at: usize| {
             let [nx, ny, _] = self.params.blocks;
@@ -68,12 +68,12 @@ impl DeviceStep {
         let system = &self.buffers.system;
         let (n, stride) = (system.rows as usize, system.stride as usize);
         let slots = slots(system.kernel) as usize;
-        let ids: Vec<[i32; 4]> = read(&self.gpu, &system.ids, n)?;
-        let freedoms: Vec<[f32; 4]> = read(&self.gpu, &system.freedoms, n)?;
-        let masses: Vec<f32> = read(&self.gpu, &system.masses, n)?;
-        let scales: Vec<f32> = read(&self.gpu, &system.scales, n)?;
-        let columns: Vec<u32> = read(&self.gpu, &system.columns, slots * stride)?;
-        let values: Vec<f32> = read(&self.gpu, &system.values, 9 * slots * stride)?;
+        let ids: Vec<[i32; 4]> = system.memory.read(&self.gpu, "ids", n)?;
+        let freedoms: Vec<[f32; 4]> = system.memory.read(&self.gpu, "freedoms", n)?;
+        let masses: Vec<f32> = system.memory.read(&self.gpu, "masses", n)?;
+        let scales: Vec<f32> = system.memory.read(&self.gpu, "scales", n)?;
+        let columns: Vec<u32> = system.memory.read(&self.gpu, "columns", slots * stride)?;
+        let values: Vec<f32> = system.memory.read(&self.gpu, "values", 9 * slots * stride)?;
         let freedom = |f: &[f32; 4]| {
             let direction = [f[0], f[1], f[2]].map(f64::from);
             match f[3] {
@@ -90,15 +90,15 @@ impl DeviceStep {
             freedoms: freedoms.iter().map(freedom).collect(),
             masses: masses.iter().map(|&m| f64::from(m)).collect(),
             scales: scales.iter().map(|&s| f64::from(s)).collect(),
-            dv: self.vectors(&system.dv)?,
+            dv: self.vectors("dv")?,
             columns: (0..n).map(|row| (0..slots).map(|slot| columns[slot * stride + row]).collect()).collect(),
             blocks: (0..n).map(|row| (0..slots).map(|slot| block(row, slot)).collect()).collect(),
         })
     }
 
-    fn vectors(&self, buffer: &wgpu::Buffer) -> Result<Vec<[f64; 3]>, EngineError> {
+    fn vectors(&self, name: &str) -> Result<Vec<[f64; 3]>, EngineError> {
         let (n, stride) = (self.buffers.system.rows as usize, self.buffers.system.stride as usize);
-        let values: Vec<f32> = read(&self.gpu, buffer, 3 * stride)?;
+        let values: Vec<f32> = self.buffers.system.memory.read(&self.gpu, name, 3 * stride)?;
         Ok((0..n).map(|i| [0, 1, 2].map(|a| f64::from(values[a * stride + i]))).collect())
     }
 
@@ -109,12 +109,12 @@ impl DeviceStep {
         for (i, v) in dv.iter().enumerate() {
             (0..3).for_each(|a| values[a * stride + i] = v[a] as f32);
         }
-        self.gpu.queue.write_buffer(&self.buffers.system.dv, 0, bytemuck::cast_slice(&values));
+        self.buffers.system.memory.write(&self.gpu, "dv", 0, &values);
     }
 
     /// The matrix at `dv`.
     pub fn assemble(&self) {
-        self.submit(|encoder| {
+        self.gpu.submit(|encoder| {
             self.look_at_dv(encoder);
             self.record_hessian(&mut encoder.begin_compute_pass(&Default::default()));
         });
@@ -122,6 +122,6 @@ impl DeviceStep {
 
     /// E (J) and ∇E (kg m/s) at Δv.
     pub fn evaluate(&self) -> Result<(f64, Vec<[f64; 3]>), EngineError> {
-        Ok((self.energy()?, self.vectors(&self.buffers.system.gradient)?))
+        Ok((self.energy()?, self.vectors("gradient")?))
     }
 }

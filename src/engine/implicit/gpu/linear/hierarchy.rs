@@ -1,14 +1,16 @@
-//! The hierarchy of a step (HOT §5): coarse nodes, Galerkin matrices, smoothers, and the V-cycle over them.
+//! The hierarchy of a step (HOT §5): coarse nodes, Galerkin matrices, smoothers, and the V-cycle
+//! over them.
 
-use wgpu::Buffer;
-
-use super::kernels::{Kernel, Program, Tools};
 use super::lattice::Lattice;
-use super::level::{Level, SLOT, buffer, slot};
+use super::level::{Level, between};
 use super::smoother::{self, Smoothing};
+use super::stages::{
+    COUNT, COUNT_FIRST, DIAGONAL, GALERKIN, LINK, NONZEROS, PROLONG, RESIDUAL, RESTRICT, append, append_between,
+};
 use crate::contract::EngineError;
-use crate::explicit::gpu::readback::read;
-use crate::implicit::gpu::interface::{System, slots};
+use crate::gpu::memory::{Memory, SLOT, slot, storage};
+use crate::gpu::program::{Dispatches, Tools};
+use crate::implicit::gpu::interface::{System, sizes};
 use gridfall_core::sim::settings::Implicit;
 use gridfall_core::sim::setup;
 
@@ -21,26 +23,28 @@ pub struct Hierarchy {
     /// Blocks of the finest matrix.
     pub nonzeros: u32,
     /// Coarse matrices, inverse diagonals and spectra from the finest matrix.
-    pub matrices: Program,
+    pub matrices: Dispatches,
     /// The polynomials once more, after a change of `stretch`.
-    pub polynomials: Program,
+    pub polynomials: Dispatches,
     /// The finest level's b → x.
-    pub cycle: Program,
+    pub cycle: Dispatches,
     /// Which of the finest level's x it is.
     pub result: usize,
-    stretch: Buffer,
+    /// `stretch`: what all spectra are taken to be wider by than they were found.
+    memory: Memory,
 }
 
 impl Hierarchy {
-    /// Counts and links the nodes of every level, with one small read-back. `spare` is an older hierarchy, whose memory is taken over where it
-    /// serves. The finest matrix is not looked at before [`Hierarchy::matrices`] runs.
+    /// Counts and links the nodes of every level, with one small read-back. `spare` is an older
+    /// hierarchy, whose memory is taken over. The finest matrix is not looked at before
+    /// [`Hierarchy::matrices`] runs.
     ///
     /// Errors: [`EngineError::Capacity`] when a level does not fit the device.
     pub fn new(tools: Tools, system: &System, settings: &Implicit, spare: Option<Self>) -> Result<Self, EngineError> {
         let gpu = tools.gpu;
-        let (spare_levels, stretch) = match spare {
-            Some(old) => (old.levels, old.stretch),
-            None => (Vec::new(), buffer(gpu, "stretch", 16)),
+        let (spare_levels, memory) = match spare {
+            Some(old) => (old.levels, old.memory),
+            None => (Vec::new(), Memory::new(gpu, &sizes(vec![storage("stretch", 4)], 1))?),
         };
         let mut levels = tables(tools, system, settings.levels.max(1), spare_levels)?;
         let (rows, nonzeros) = count(tools, system, &levels)?;
@@ -56,18 +60,18 @@ impl Hierarchy {
             level.upload(gpu);
         }
         link(tools, system, &levels)?;
-        let (cycle, result) = v_cycle(tools, system, &levels, smoothing);
-        let mut polynomials = Program::default();
-        levels.iter().for_each(|level| smoother::polynomial(&mut polynomials, tools, level, &stretch));
-        let matrices = matrices(tools, system, &levels, &stretch);
-        let hierarchy = Self { levels, nonzeros, matrices, polynomials, cycle, result, stretch };
+        let (cycle, result) = v_cycle(tools, system, &levels, smoothing)?;
+        let mut polynomials = Dispatches::default();
+        levels.iter().for_each(|level| smoother::polynomial(&mut polynomials, tools, level, &memory));
+        let matrices = matrices(tools, system, &levels, &memory);
+        let hierarchy = Self { levels, nonzeros, matrices, polynomials, cycle, result, memory };
         hierarchy.set_stretch(tools, 1.0);
         Ok(hierarchy)
     }
 
     /// All spectra are taken for so much wider than they were found.
     pub fn set_stretch(&self, tools: Tools, stretch: f32) {
-        tools.gpu.queue.write_buffer(&self.stretch, 0, bytemuck::bytes_of(&stretch));
+        self.memory.write(tools.gpu, "stretch", 0, &[stretch]);
     }
 }
 
@@ -76,138 +80,112 @@ fn tables(tools: Tools, system: &System, count: u32, spare: Vec<Level>) -> Resul
     let grids = if system.kernel == setup::Kernel::Quadratic { 1 } else { 2 };
     let mut lattice = Lattice::of(system, grids);
     let mut spare = spare.into_iter();
-    let mut levels = vec![match spare.next() {
-        Some(old) if old.shape.stride == system.stride => old.finest_again(system, lattice),
-        _ => Level::finest(tools.gpu, system, lattice),
-    }];
+    let mut next = |lattice| spare.next().unwrap_or_else(|| Level::empty(lattice, system.kernel));
+    let mut finest = next(lattice);
+    finest.be_finest(tools.gpu, system, lattice)?;
+    let mut levels = vec![finest];
     for _ in 1..count {
         lattice = lattice.coarser();
-        levels.push(match spare.next() {
-            Some(old) if old.table.size() >= 4 * lattice.entries() => Level { lattice, ..old },
-            _ => Level::table(tools.gpu, lattice)?,
-        });
-        let level = levels.last_mut().expect("just pushed");
-        level.shape = lattice.level(0, level.shape.stride);
+        let mut level = next(lattice);
+        level.be_coarse(tools.gpu, lattice)?;
+        levels.push(level);
     }
     Ok(levels)
 }
 
-/// Marks the coarse nodes and counts them. Gives the rows of every level, and the blocks of the finest matrix.
+/// Marks the coarse nodes and counts them. Gives the rows of every level, and the blocks of the
+/// finest matrix.
 fn count(tools: Tools, system: &System, levels: &[Level]) -> Result<(Vec<u32>, u32), EngineError> {
     let gpu = tools.gpu;
-    let totals = buffer(gpu, "totals", SLOT * levels.len() as u64);
-    let mut program = Program::default();
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let words = SLOT as usize / 4 * levels.len();
+    let memory = Memory::new(gpu, &sizes(vec![storage("totals", 4 * words)], 1))?;
+    let totals = memory.get("totals");
+    let mut list = Dispatches::default();
     levels[0].upload(gpu);
-    let bound = [levels[0].uniform.as_entire_binding(), levels[0].columns.as_entire_binding(), slot(&totals, 0)];
-    program.push(tools, Kernel::Nonzeros, &bound, levels[0].by_row());
-    for (l, pair) in levels.windows(2).enumerate() {
-        let (fine, coarse) = (&pair[0], &pair[1]);
-        coarse.upload(gpu);
-        encoder.clear_buffer(&coarse.table, 0, None);
-        if l == 0 {
-            let bound = [&fine.uniform, &coarse.uniform, &fine.ids, &coarse.table];
-            program.push_whole(tools, Kernel::MarkFine, &bound, fine.by_row());
-        } else {
-            let groups = fine.lattice.entries().div_ceil(256) as u32;
-            let bound = [&fine.uniform, &coarse.uniform, &fine.table, &coarse.table];
-            program.push_whole(tools, Kernel::Mark, &bound, [groups.min(32768), groups.div_ceil(32768)]);
-        }
-        program.push_whole(tools, Kernel::Count, &[&coarse.uniform, &coarse.table, &coarse.sums], coarse.by_part());
-        let total = slot(&totals, l as u32 + 1);
-        let bound = [coarse.uniform.as_entire_binding(), coarse.sums.as_entire_binding(), total];
-        program.push(tools, Kernel::Offsets, &bound, [1, 1]);
+    let scope = levels[0].scope(0, &[]).with_part("total", slot(totals, 0));
+    append(&mut list, tools, NONZEROS, &levels[0], &scope);
+    for (l, pair) in (1..).zip(levels.windows(2)) {
+        let pair = [&pair[0], &pair[1]];
+        pair[1].upload(gpu);
+        let scope = between(system, pair, [0, 0]).with_part("total", slot(totals, l));
+        append_between(&mut list, tools, if l == 1 { COUNT_FIRST } else { COUNT }, pair, &scope);
     }
-    gpu.queue.submit([encoder.finish()]);
-    program.submit(gpu)?;
-    let words: Vec<u32> = read(gpu, &totals, totals.size() as usize / 4)?;
-    let mut rows: Vec<u32> = words.iter().step_by(SLOT as usize / 4).copied().collect();
+    gpu.submit(|encoder| levels[1..].iter().for_each(|level| encoder.clear_buffer(level.get("table"), 0, None)));
+    list.submit(gpu)?;
+    let mut rows: Vec<u32> = gpu.read::<u32>(totals, words)?.iter().step_by(SLOT as usize / 4).copied().collect();
     let nonzeros = std::mem::replace(&mut rows[0], system.rows);
     Ok((rows, nonzeros))
 }
 
 /// Numbers the coarse nodes and ties them to each other.
 fn link(tools: Tools, system: &System, levels: &[Level]) -> Result<(), EngineError> {
-    let mut program = Program::default();
-    let mut encoder = tools.gpu.device.create_command_encoder(&Default::default());
+    let mut list = Dispatches::default();
     for pair in levels.windows(2) {
-        let (fine, coarse) = (&pair[0], &pair[1]);
-        encoder.clear_buffer(&coarse.children, 0, None);
-        let bound = [&coarse.uniform, &coarse.sums, &coarse.table, &coarse.ids];
-        program.push_whole(tools, Kernel::Number, &bound, coarse.by_part());
-        let bound = [&fine.uniform, &coarse.uniform, &fine.ids, &coarse.table, &fine.parents, &coarse.children];
-        program.push_whole(tools, Kernel::Link, &bound, fine.by_row());
-        let bound = [&coarse.uniform, &coarse.ids, &coarse.table, &coarse.columns];
-        program.push_whole(tools, Kernel::Columns, &bound, coarse.by_entry(slots(system.kernel)));
+        let pair = [&pair[0], &pair[1]];
+        append_between(&mut list, tools, LINK, pair, &between(system, pair, [0, 0]));
     }
-    tools.gpu.queue.submit([encoder.finish()]);
-    program.submit(tools.gpu)
+    tools.gpu.submit(|encoder| {
+        levels[1..].iter().for_each(|level| encoder.clear_buffer(level.get("children"), 0, None));
+    });
+    list.submit(tools.gpu)
 }
 
 /// Galerkin products first, so that they see no directions that a coarse block was completed by.
-fn matrices(tools: Tools, system: &System, levels: &[Level], stretch: &Buffer) -> Program {
-    let mut program = Program::default();
+fn matrices(tools: Tools, system: &System, levels: &[Level], memory: &Memory) -> Dispatches {
+    let mut list = Dispatches::default();
     for pair in levels.windows(2) {
-        let (fine, coarse) = (&pair[0], &pair[1]);
-        let bound = [
-            &fine.uniform,
-            &coarse.uniform,
-            &coarse.ids,
-            &coarse.children,
-            &system.freedoms,
-            &fine.values,
-            &coarse.values,
-        ];
-        program.push_whole(tools, Kernel::Galerkin, &bound, coarse.by_entry(slots(system.kernel)));
+        let pair = [&pair[0], &pair[1]];
+        append_between(&mut list, tools, GALERKIN, pair, &between(system, pair, [0, 0]));
     }
     for level in levels {
-        let bound = [&level.uniform, &level.values, &level.inverse];
-        program.push_whole(tools, Kernel::Diagonal, &bound, level.by_row());
-        smoother::spectrum(&mut program, tools, level);
-        smoother::polynomial(&mut program, tools, level, stretch);
+        append(&mut list, tools, DIAGONAL, level, &level.scope(0, &[]));
+        smoother::spectrum(&mut list, tools, level);
+        smoother::polynomial(&mut list, tools, level, memory);
     }
-    program
+    list
 }
 
-/// Down and up (HOT algorithm 2): smooth, restrict the residual, correct, smooth. Gives the program, and where the answer lies.
-fn v_cycle(tools: Tools, system: &System, levels: &[Level], smoothing: Smoothing) -> (Program, usize) {
-    let mut program = Program::default();
+/// Down and up (HOT algorithm 2): smooth, restrict the residual, correct, smooth. Gives the
+/// dispatches, and where the answer lies.
+fn v_cycle(
+    tools: Tools,
+    system: &System,
+    levels: &[Level],
+    smoothing: Smoothing,
+) -> Result<(Dispatches, usize), EngineError> {
+    let mut list = Dispatches::default();
     let depth = levels.len();
     let mut at = vec![0; depth];
-    smoother::first(&mut program, tools, &levels[0]);
+    smoother::first(&mut list, tools, &levels[0]);
     for l in 0..depth - 1 {
         let (fine, coarse) = (&levels[l], &levels[l + 1]);
-        at[l] = smoothing.smooth(&mut program, tools, fine, 0, true);
-        let bound = [&fine.uniform, &fine.columns, &fine.values, &fine.b, &fine.x[at[l]], &fine.r];
-        program.push_whole(tools, Kernel::Residual, &bound, fine.by_product());
-        restrict(&mut program, tools, system, fine, coarse);
+        at[l] = smoothing.smooth(&mut list, tools, fine, 0, true)?;
+        residual(&mut list, tools, fine, at[l]);
+        restrict(&mut list, tools, system, [fine, coarse]);
     }
     let coarsest = &levels[depth - 1];
-    at[depth - 1] = smoother::chebyshev(&mut program, tools, coarsest, 0, 1..coarsest.shape.degree);
+    at[depth - 1] = smoother::chebyshev(&mut list, tools, coarsest, 0, 1..coarsest.shape.degree);
     for l in (0..depth - 1).rev() {
-        let (fine, coarse) = (&levels[l], &levels[l + 1]);
-        let [e, x] = [&coarse.x[at[l + 1]], &fine.x[at[l]]];
-        let bound = [&fine.uniform, &coarse.uniform, &fine.parents, &system.freedoms, e, x];
-        program.push_whole(tools, Kernel::Prolong, &bound, fine.by_row());
-        at[l] = smoothing.smooth(&mut program, tools, fine, at[l], false);
+        let pair = [&levels[l], &levels[l + 1]];
+        prolong(&mut list, tools, system, pair, [at[l], at[l + 1]]);
+        at[l] = smoothing.smooth(&mut list, tools, pair[0], at[l], false)?;
     }
-    (program, at[0])
+    Ok((list, at[0]))
+}
+
+/// r of x number `at`.
+pub fn residual(list: &mut Dispatches, tools: Tools, level: &Level, at: usize) {
+    append(list, tools, RESIDUAL, level, &level.scope(at, &[]));
 }
 
 /// The finer level's residual to the right-hand side of the coarser, and the first step there.
-pub fn restrict(program: &mut Program, tools: Tools, system: &System, fine: &Level, coarse: &Level) {
-    let [fine_shape, shape, children, freedoms, r, inverse, b, d, x] = [
-        &fine.uniform,
-        &coarse.uniform,
-        &coarse.children,
-        &system.freedoms,
-        &fine.r,
-        &coarse.inverse,
-        &coarse.b,
-        &coarse.d,
-        &coarse.x[0],
-    ]
-    .map(|b| b.as_entire_binding());
-    let bound = [fine_shape, shape, children, freedoms, r, inverse, slot(&coarse.coefficients, 0), b, d, x];
-    program.push(tools, Kernel::Restrict, &bound, coarse.by_row());
+pub fn restrict(list: &mut Dispatches, tools: Tools, system: &System, pair: [&Level; 2]) {
+    let coefficient = slot(pair[1].get("coefficients"), 0);
+    let scope = between(system, pair, [0, 0]).with_part("coefficient", coefficient);
+    append_between(list, tools, RESTRICT, pair, &scope);
+}
+
+/// The coarse level's x to the finer one's; `at`: which of their x.
+pub fn prolong(list: &mut Dispatches, tools: Tools, system: &System, pair: [&Level; 2], at: [usize; 2]) {
+    append_between(list, tools, PROLONG, pair, &between(system, pair, at));
 }

@@ -55,6 +55,11 @@ impl Lattice {
         self.blocks().iter().map(|&n| u64::from(n)).product::<u64>() * u64::from(self.grids) * 64
     }
 
+    /// Parts of 1024 entries that the table is counted in.
+    pub fn parts(&self) -> u64 {
+        self.entries().div_ceil(1024)
+    }
+
     /// For the shaders.
     pub fn level(&self, rows: u32, stride: u32) -> layout::Level {
         layout::Level {

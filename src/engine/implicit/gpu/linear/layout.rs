@@ -1,4 +1,5 @@
-//! Rust twins of the structs in `wgsl/implicit/linear/`; `tests/layout.rs` compares every offset with naga's.
+//! Rust twins of the structs in `wgsl/implicit/linear/`; `tests/layout.rs` compares every offset
+//! with naga's.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -6,46 +6,53 @@ use std::collections::VecDeque;
 use wgpu::{BindingResource, Buffer};
 
 use super::hierarchy::Hierarchy;
-use super::kernels::{Kernel, Program, Tools};
 use super::layout;
-use super::level::{Level, SLOT, buffer, slot};
-use crate::gpu::device::Gpu;
-use crate::implicit::gpu::interface::System;
+use super::level::Level;
+use super::stages::{ADOPT, ATTEMPT, BACKWARD, BEGIN, FORWARD, JUDGE, PROJECT, SEARCH, STEP, Stage, append};
+use crate::contract::EngineError;
+use crate::gpu::Gpu;
+use crate::gpu::memory::{Memory, SLOT, Scope, slot, storage};
+use crate::gpu::program::{Dispatches, Tools};
+use crate::implicit::gpu::interface::{System, sizes};
 
 /// Pairs that are kept.
 const WINDOW: usize = 8;
+/// The vectors of the pairs: one pair more than are kept, for the newest, which may be dropped.
+const S: [&str; WINDOW + 1] = ["s0", "s1", "s2", "s3", "s4", "s5", "s6", "s7", "s8"];
+const Y: [&str; WINDOW + 1] = ["y0", "y1", "y2", "y3", "y4", "y5", "y6", "y7", "y8"];
 
 /// Device memory of the minimisation, for systems of one stride.
 pub struct Lbfgs {
     pub stride: u32,
-    /// ∇E at the iterate.
-    pub g: Buffer,
-    /// One pair more than are kept, for the newest, which may be dropped.
-    s: Vec<Buffer>,
-    y: Vec<Buffer>,
-    /// ρ and α of the pairs, a slot each.
-    pairs: Buffer,
-    slopes: Buffer,
-    residuals: Buffer,
-    pub state: Buffer,
+    /// `g`, ∇E at the iterate; the vectors of the pairs; `pairs`, ρ and α of each in a slot of its
+    /// own; `slopes`, `residuals` and `state` of the line search.
+    memory: Memory,
     /// The places of the pairs that are kept, oldest first.
     kept: VecDeque<usize>,
 }
 
 impl Lbfgs {
-    pub fn new(gpu: &Gpu, stride: u32) -> Self {
-        let field = |label| buffer(gpu, label, 12 * u64::from(stride));
-        Self {
-            stride,
-            g: field("g"),
-            s: (0..=WINDOW).map(|_| field("s")).collect(),
-            y: (0..=WINDOW).map(|_| field("y")).collect(),
-            pairs: buffer(gpu, "pairs", SLOT * (WINDOW as u64 + 1)),
-            slopes: buffer(gpu, "slopes", 1024),
-            residuals: buffer(gpu, "residuals", 1024),
-            state: buffer(gpu, "state", size_of::<layout::State>() as u64),
-            kept: VecDeque::new(),
-        }
+    /// Errors: [`EngineError::Capacity`] when a buffer does not fit the device.
+    pub fn new(gpu: &Gpu, stride: u32) -> Result<Self, EngineError> {
+        let field = |name| storage(name, 12 * stride as usize);
+        let mut buffers = vec![
+            field("g"),
+            storage("pairs", SLOT as usize * (WINDOW + 1)),
+            storage("slopes", 1024),
+            storage("residuals", 1024),
+            storage("state", size_of::<layout::State>()),
+        ];
+        buffers.extend(S.map(field));
+        buffers.extend(Y.map(field));
+        Ok(Self { stride, memory: Memory::new(gpu, &sizes(buffers, stride))?, kept: VecDeque::new() })
+    }
+
+    pub fn get(&self, name: &str) -> &Buffer {
+        self.memory.get(name)
+    }
+
+    pub fn state(&self, gpu: &Gpu) -> Result<layout::State, EngineError> {
+        Ok(self.memory.read(gpu, "state", 1)?[0])
     }
 
     /// Forgets all pairs; false if there were none.
@@ -69,117 +76,79 @@ impl Lbfgs {
     }
 
     fn pair(&self, k: usize) -> BindingResource<'_> {
-        slot(&self.pairs, k as u32)
+        slot(self.get("pairs"), k)
+    }
+
+    /// s or y of a pair, or ∇E without one.
+    fn of_pair(&self, names: &[&str], k: Option<&usize>) -> &Buffer {
+        self.get(k.map_or("g", |&k| names[k]))
     }
 
     /// First loop: ∇E → the right-hand side of the V-cycle (Nocedal & Wright, algorithm 7.4).
-    pub fn backward(&self, tools: Tools, finest: &Level) -> Program {
-        let mut program = Program::default();
+    pub fn backward(&self, tools: Tools, finest: &Level) -> Dispatches {
+        let mut list = Dispatches::default();
         let newest_first: Vec<usize> = self.kept.iter().rev().copied().collect();
-        let s = |k: Option<&usize>| k.map_or(&self.g, |&k| &self.s[k]);
-        let mut from = 0;
-        let bound = [&finest.uniform, &self.g, s(newest_first.first()), &finest.b, &finest.partials[from]];
-        program.push_whole(tools, Kernel::Begin, &bound, finest.by_sum());
+        let s = |k| ("s", self.of_pair(&S, k));
+        let q = ("q", finest.get("b"));
+        append(&mut list, tools, BEGIN, finest, &finest.scope(0, &[s(newest_first.first()), q]).and(&self.memory));
         for (n, &k) in newest_first.iter().enumerate() {
-            let [shape, sums, y, next, q, partials] = [
-                &finest.uniform,
-                &finest.partials[from],
-                &self.y[k],
-                s(newest_first.get(n + 1)),
-                &finest.b,
-                &finest.partials[1 - from],
-            ]
-            .map(|b| b.as_entire_binding());
-            program.push(tools, Kernel::Backward, &[shape, sums, self.pair(k), y, next, q, partials], finest.by_sum());
-            from = 1 - from;
+            let own = [("y", self.get(Y[k])), s(newest_first.get(n + 1)), q];
+            append(&mut list, tools, BACKWARD, finest, &finest.scope(n % 2, &own).with_part("pair", self.pair(k)));
         }
-        program
+        list
     }
 
     /// Second loop, and the start of the line search along −z, z the V-cycle's answer.
-    pub fn forward(&self, tools: Tools, system: &System, hierarchy: &Hierarchy) -> Program {
-        let mut program = Program::default();
+    pub fn forward(&self, tools: Tools, system: &System, hierarchy: &Hierarchy) -> Dispatches {
+        let mut list = Dispatches::default();
         let finest = &hierarchy.levels[0];
-        let z = &finest.x[hierarchy.result];
-        let y = |k: Option<&usize>| k.map_or(&self.g, |&k| &self.y[k]);
-        let mut from = 0;
-        let bound = [&finest.uniform, &system.freedoms, y(self.kept.front()), z, &finest.partials[from]];
-        program.push_whole(tools, Kernel::Project, &bound, finest.by_sum());
+        let y = |k| ("y", self.of_pair(&Y, k));
+        let z = ("z", finest.x(hierarchy.result));
+        append(&mut list, tools, PROJECT, finest, &finest.scope(0, &[y(self.kept.front()), z]).and(&system.memory));
         for (n, &k) in self.kept.iter().enumerate() {
-            let [shape, sums, s, next, z, partials] = [
-                &finest.uniform,
-                &finest.partials[from],
-                &self.s[k],
-                y(self.kept.get(n + 1)),
-                z,
-                &finest.partials[1 - from],
-            ]
-            .map(|b| b.as_entire_binding());
-            program.push(tools, Kernel::Forward, &[shape, sums, self.pair(k), s, next, z, partials], finest.by_sum());
-            from = 1 - from;
+            let own = [("s", self.get(S[k])), y(self.kept.get(n + 1)), z];
+            append(&mut list, tools, FORWARD, finest, &finest.scope(n % 2, &own).with_part("pair", self.pair(k)));
         }
-        let bound = [&finest.uniform, &finest.partials[from], &self.state, &system.control];
-        program.push_whole(tools, Kernel::Search, &bound, [1, 1]);
-        program
+        let scope = finest.scope(self.kept.len() % 2, &[]);
+        append(&mut list, tools, SEARCH, finest, &self.with_system(scope, system));
+        list
     }
 
     /// The trial of the line search.
-    pub fn attempt(&self, tools: Tools, system: &System, hierarchy: &Hierarchy) -> Program {
-        let mut program = Program::default();
-        let finest = &hierarchy.levels[0];
-        let z = &finest.x[hierarchy.result];
-        let bound = [&finest.uniform, &system.control, &self.state, &system.dv, z, &system.trial];
-        program.push_whole(tools, Kernel::Attempt, &bound, finest.by_row());
-        program
-    }
-
-    fn measure(&self, program: &mut Program, tools: Tools, system: &System, hierarchy: &Hierarchy) {
-        let finest = &hierarchy.levels[0];
-        let z = &finest.x[hierarchy.result];
-        let bound =
-            [&finest.uniform, &system.control, z, &system.gradient, &system.scales, &self.slopes, &self.residuals];
-        program.push_whole(tools, Kernel::Measure, &bound, finest.by_sum());
+    pub fn attempt(&self, tools: Tools, system: &System, hierarchy: &Hierarchy) -> Dispatches {
+        self.along(ATTEMPT, tools, system, hierarchy)
     }
 
     /// The verdict on the trial once it is evaluated.
-    pub fn judge(&self, tools: Tools, system: &System, hierarchy: &Hierarchy) -> Program {
-        let mut program = Program::default();
-        self.measure(&mut program, tools, system, hierarchy);
-        let finest = &hierarchy.levels[0];
-        let bound = [&finest.uniform, &self.slopes, &self.residuals, &system.energy, &self.state, &system.control];
-        program.push_whole(tools, Kernel::Decide, &bound, [1, 1]);
-        program
+    pub fn judge(&self, tools: Tools, system: &System, hierarchy: &Hierarchy) -> Dispatches {
+        self.along(JUDGE, tools, system, hierarchy)
     }
 
     /// Energy and residual of the start, once it is evaluated.
-    pub fn adopt(&self, tools: Tools, system: &System, hierarchy: &Hierarchy) -> Program {
-        let mut program = Program::default();
-        self.measure(&mut program, tools, system, hierarchy);
-        let bound = [&hierarchy.levels[0].uniform, &self.residuals, &system.energy, &self.state];
-        program.push_whole(tools, Kernel::Adopt, &bound, [1, 1]);
-        program
+    pub fn adopt(&self, tools: Tools, system: &System, hierarchy: &Hierarchy) -> Dispatches {
+        self.along(ADOPT, tools, system, hierarchy)
+    }
+
+    /// Stages of a search along −z.
+    fn along(&self, stages: &[Stage], tools: Tools, system: &System, hierarchy: &Hierarchy) -> Dispatches {
+        let mut list = Dispatches::default();
+        let finest = &hierarchy.levels[0];
+        let scope = finest.scope(0, &[("z", finest.x(hierarchy.result))]);
+        append(&mut list, tools, stages, finest, &self.with_system(scope, system));
+        list
     }
 
     /// To the accepted trial, if there is one, with a new pair.
-    pub fn step(&self, tools: Tools, system: &System, finest: &Level) -> Program {
-        let mut program = Program::default();
+    pub fn step(&self, tools: Tools, system: &System, finest: &Level) -> Dispatches {
+        let mut list = Dispatches::default();
         let k = self.free();
-        let partials = &finest.partials[0];
-        let bound = [
-            &finest.uniform,
-            &self.state,
-            &system.trial,
-            &system.gradient,
-            &system.dv,
-            &self.g,
-            &self.s[k],
-            &self.y[k],
-            partials,
-        ];
-        program.push_whole(tools, Kernel::Accept, &bound, finest.by_sum());
-        let [shape, sums, state] = [&finest.uniform, partials, &self.state].map(|b| b.as_entire_binding());
-        program.push(tools, Kernel::Finish, &[shape, sums, self.pair(k), state], [1, 1]);
-        program
+        let scope = finest.scope(0, &[("s", self.get(S[k])), ("y", self.get(Y[k]))]).with_part("pair", self.pair(k));
+        append(&mut list, tools, STEP, finest, &self.with_system(scope, system));
+        list
+    }
+
+    fn with_system<'a>(&'a self, scope: Scope<'a>, system: &'a System) -> Scope<'a> {
+        scope.and(&self.memory).and(&system.memory)
     }
 }
 
@@ -187,10 +156,9 @@ impl Lbfgs {
 mod tests {
     use rand::{SeedableRng, rngs::StdRng};
 
-    use super::super::kernels::Pipelines;
     use super::super::problem_tests::{Sample, distance, gpu, random, read_field, scene, write_field};
     use super::*;
-    use crate::explicit::gpu::readback::read;
+    use crate::gpu::program::{Programs, Variant};
     use gridfall_core::sim::settings::Implicit;
     use gridfall_core::sim::setup::Kernel;
 
@@ -201,13 +169,13 @@ mod tests {
         let seed = 77;
         println!("seed {seed}");
         let (gpu, rng) = (gpu(), &mut StdRng::seed_from_u64(seed));
-        let pipelines = Pipelines::new(Kernel::Quadratic);
-        let tools = Tools { gpu: &gpu, pipelines: &pipelines };
+        let programs = Programs::new(Variant::of_kernel(Kernel::Quadratic));
+        let tools = Tools { gpu: &gpu, programs: &programs };
         let sample = Sample::new(&scene(Kernel::Quadratic, false, 1e6));
         let system = sample.upload(&gpu);
         let hierarchy = Hierarchy::new(tools, &system, &Implicit::default(), None).unwrap();
         let (finest, n, stride) = (&hierarchy.levels[0], sample.rows(), system.stride as usize);
-        let mut lbfgs = Lbfgs::new(&gpu, system.stride);
+        let mut lbfgs = Lbfgs::new(&gpu, system.stride).unwrap();
         let projections = sample.projections();
         let field = |rng: &mut StdRng| {
             let mut x = random(3 * n, rng);
@@ -222,22 +190,22 @@ mod tests {
             let k = lbfgs.free();
             let s = field(rng);
             let y = &s * 2.0 + 0.2 * field(rng);
-            write_field(&gpu, &lbfgs.s[k], stride, &s);
-            write_field(&gpu, &lbfgs.y[k], stride, &y);
+            write_field(&gpu, lbfgs.get(S[k]), stride, &s);
+            write_field(&gpu, lbfgs.get(Y[k]), stride, &y);
             let rho = (1.0 / y.dot(&s)) as f32;
-            gpu.queue.write_buffer(&lbfgs.pairs, SLOT * k as u64, bytemuck::bytes_of(&rho));
+            lbfgs.memory.write_slot(&gpu, "pairs", k, &rho);
             lbfgs.keep();
             pairs.push((s, y));
         }
         let pairs = &pairs[2..];
         let (g, z0) = (field(rng), field(rng));
-        write_field(&gpu, &lbfgs.g, stride, &g);
+        write_field(&gpu, lbfgs.get("g"), stride, &g);
         lbfgs.backward(tools, finest).submit(&gpu).unwrap();
-        write_field(&gpu, &finest.x[hierarchy.result], stride, &z0);
+        write_field(&gpu, finest.x(hierarchy.result), stride, &z0);
         lbfgs.forward(tools, &system, &hierarchy).submit(&gpu).unwrap();
-        let q = read_field(&gpu, &finest.b, stride, n);
-        let z = read_field(&gpu, &finest.x[hierarchy.result], stride, n);
-        let state: layout::State = read(&gpu, &lbfgs.state, 1).unwrap()[0];
+        let q = read_field(&gpu, finest.get("b"), stride, n);
+        let z = read_field(&gpu, finest.x(hierarchy.result), stride, n);
+        let state = lbfgs.state(&gpu).unwrap();
 
         let recursion = |order: &[usize]| {
             let (mut q, mut z, mut alphas) = (g.clone(), z0.clone(), vec![0.0; order.len()]);

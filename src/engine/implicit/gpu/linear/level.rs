@@ -1,179 +1,126 @@
 //! Device memory of a level of the hierarchy.
 
-use wgpu::{BindingResource, Buffer, BufferBinding, BufferUsages};
+use wgpu::Buffer;
 
 use super::lattice::Lattice;
 use super::layout;
 use crate::contract::EngineError;
-use crate::gpu::device::Gpu;
-use crate::implicit::gpu::interface::{System, slots};
+use crate::gpu::Gpu;
+use crate::gpu::memory::{Memory, SLOT, Scope, Size, storage, uniform};
+use crate::implicit::gpu::interface::{System, matrix, sizes, slots};
 use gridfall_core::sim::setup::Kernel;
 
-/// Bytes between slots that are bound one at a time: the largest offset alignment of any device.
-pub const SLOT: u64 = 256;
 /// Slots for Chebyshev coefficients, the most steps of a polynomial.
-pub const MAX_DEGREE: u32 = 64;
+pub const MAX_DEGREE: usize = 64;
+/// Most workgroups along an axis.
+const MOST_PARTS: u64 = 65535;
 
-/// A level's matrix, its smoother's data and its vectors, see `wgsl/implicit/linear/level.wgsl`.
+/// A level's matrix, its smoother's data and its vectors.
+///
+/// Its buffers, beside those of a [`System`]'s matrix: `level`; `table` and `sums`, which number
+/// the nodes; `children` towards the finer level and `parents` towards the coarser one; `inverse`
+/// and `coefficients` of the smoother; `lanczos`, `products` and the pair `partials`; the vectors
+/// `b`, `d`, `r` and the pair `x`.
 pub struct Level {
     pub lattice: Lattice,
     pub shape: layout::Level,
-    pub uniform: Buffer,
-    pub ids: Buffer,
-    pub columns: Buffer,
-    pub values: Buffer,
-    /// Of the dense table; unused on the finest level.
-    pub table: Buffer,
-    pub sums: Buffer,
-    /// Towards the finer level.
-    pub children: Buffer,
-    /// Towards the coarser one.
-    pub parents: Buffer,
-    pub inverse: Buffer,
-    pub coefficients: Buffer,
-    pub lanczos: Buffer,
-    pub partials: [Buffer; 2],
-    pub products: Buffer,
-    pub b: Buffer,
-    pub d: Buffer,
-    pub r: Buffer,
-    pub x: [Buffer; 2],
+    /// For neighbours of a row.
+    pub slots: u32,
+    pub memory: Memory,
 }
 
-pub fn buffer(gpu: &Gpu, label: &str, bytes: u64) -> Buffer {
-    gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some(label),
-        size: bytes.max(16),
-        usage: BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
-        mapped_at_creation: false,
-    })
-}
-
-/// A slot of a buffer.
-pub fn slot(buffer: &Buffer, index: u32) -> BindingResource<'_> {
-    let size = wgpu::BufferSize::new(SLOT);
-    BindingResource::Buffer(BufferBinding { buffer, offset: SLOT * u64::from(index), size })
+/// What a level with room for `stride` nodes has beside its matrix.
+fn vectors(stride: u32) -> Vec<Size> {
+    let n = stride as usize;
+    vec![
+        uniform("level", size_of::<layout::Level>()),
+        storage("parents", 32 * n),
+        storage("inverse", 24 * n),
+        storage("coefficients", SLOT as usize * MAX_DEGREE),
+        storage("lanczos", size_of::<layout::Lanczos>()),
+        storage("partials_in", 1024),
+        storage("partials_out", 1024),
+        storage("products", n.div_ceil(8)),
+        storage("b", 12 * n),
+        storage("d", 12 * n),
+        storage("r", 12 * n),
+        storage("x_in", 12 * n),
+        storage("x_out", 12 * n),
+    ]
 }
 
 impl Level {
-    /// The finest level: matrix and nodes are the system's.
-    pub fn finest(gpu: &Gpu, system: &System, lattice: Lattice) -> Self {
-        let none = buffer(gpu, "none", 16);
-        let matrix = [&system.ids, &system.columns, &system.values].map(Buffer::clone);
-        let mut level = Self::with(gpu, lattice, u64::from(system.stride), matrix, [&none, &none, &none]);
-        level.shape = layout::Level { sliding: 1, ..lattice.level(system.rows, system.stride) };
-        level
+    /// A level without memory.
+    pub fn empty(lattice: Lattice, kernel: Kernel) -> Self {
+        Self { lattice, shape: layout::Level::default(), slots: slots(kernel), memory: Memory::default() }
     }
 
-    /// The finest level again, with the memory it had for vectors, for a system of the same stride.
-    pub fn finest_again(mut self, system: &System, lattice: Lattice) -> Self {
-        [self.ids, self.columns, self.values] = [&system.ids, &system.columns, &system.values].map(Buffer::clone);
-        self.shape = layout::Level { sliding: 1, ..lattice.level(system.rows, system.stride) };
+    /// Becomes the finest level, whose matrix and nodes are the system's.
+    pub fn be_finest(&mut self, gpu: &Gpu, system: &System, lattice: Lattice) -> Result<(), EngineError> {
+        self.memory.grow(gpu, &sizes(vectors(system.stride), system.stride), 0, &[])?;
+        for name in ["ids", "columns", "values"] {
+            self.memory.share(name, system.get(name));
+        }
         self.lattice = lattice;
-        self
+        self.shape = layout::Level { sliding: 1, ..lattice.level(system.rows, system.stride) };
+        Ok(())
     }
 
-    /// A coarse level whose nodes are yet to be counted, with the table to do it.
-    pub fn table(gpu: &Gpu, lattice: Lattice) -> Result<Self, EngineError> {
-        let entries = lattice.entries();
-        fits(gpu, 4 * entries, "the table of a coarse level")?;
-        if entries.div_ceil(1024) > 65535 {
+    /// Becomes a coarse level whose nodes are yet to be counted, with the table to do it.
+    pub fn be_coarse(&mut self, gpu: &Gpu, lattice: Lattice) -> Result<(), EngineError> {
+        let (entries, parts) = (lattice.entries(), lattice.parts());
+        if parts > MOST_PARTS {
             return Err(EngineError::Capacity(format!(
                 "a coarse level spans {entries} nodes, which is more than can be counted"
             )));
         }
-        let [none, table] = [("none", 16), ("table", 4 * entries)].map(|(label, size)| buffer(gpu, label, size));
-        let sums = buffer(gpu, "sums", 4 * entries.div_ceil(1024));
-        let matrix = [&none, &none, &none].map(Buffer::clone);
-        Ok(Self::with(gpu, lattice, 0, matrix, [&table, &sums, &none]))
-    }
-
-    /// Sees to room for `rows` nodes.
-    pub fn make_room(&mut self, gpu: &Gpu, kernel: Kernel, rows: u32) -> Result<(), EngineError> {
-        if rows > self.shape.stride {
-            // Some more than now, so that a growing body does not ask anew every step.
-            let stride = (rows + rows / 4).next_multiple_of(256);
-            let (n, slots) = (u64::from(stride), u64::from(slots(kernel)));
-            fits(gpu, 36 * n * slots, "the matrix of a coarse level")?;
-            let matrix = [("ids", 16 * n), ("columns", 4 * n * slots), ("values", 36 * n * slots)]
-                .map(|(label, size)| buffer(gpu, label, size));
-            let children = buffer(gpu, "children", 27 * 4 * n);
-            *self = Self::with(gpu, self.lattice, n, matrix, [&self.table, &self.sums, &children]);
-            self.shape.stride = stride;
-        }
-        self.shape = self.lattice.level(rows, self.shape.stride);
+        let mut buffers = vectors(0);
+        buffers.extend([storage("table", 4 * entries as usize), storage("sums", 4 * parts as usize)]);
+        self.memory.grow(gpu, &sizes(buffers, entries as u32), 0, &[])?;
+        self.lattice = lattice;
+        self.shape = lattice.level(0, self.shape.stride);
         Ok(())
     }
 
-    fn with(
-        gpu: &Gpu,
-        lattice: Lattice,
-        n: u64,
-        [ids, columns, values]: [Buffer; 3],
-        [table, sums, children]: [&Buffer; 3],
-    ) -> Self {
-        let field = |label| buffer(gpu, label, 12 * n);
-        Self {
-            lattice,
-            shape: layout::Level::default(),
-            uniform: buffer(gpu, "level", size_of::<layout::Level>() as u64),
-            ids,
-            columns,
-            values,
-            table: table.clone(),
-            sums: sums.clone(),
-            children: children.clone(),
-            parents: buffer(gpu, "parents", 32 * n),
-            inverse: buffer(gpu, "inverse", 24 * n),
-            coefficients: buffer(gpu, "coefficients", SLOT * u64::from(MAX_DEGREE)),
-            lanczos: buffer(gpu, "lanczos", size_of::<layout::Lanczos>() as u64),
-            partials: [buffer(gpu, "partials", 1024), buffer(gpu, "partials", 1024)],
-            products: buffer(gpu, "products", n.div_ceil(8)),
-            b: field("b"),
-            d: field("d"),
-            r: field("r"),
-            x: [field("x"), field("x")],
+    /// Sees to a coarse level's room for `rows` nodes.
+    pub fn make_room(&mut self, gpu: &Gpu, kernel: Kernel, rows: u32) -> Result<(), EngineError> {
+        let mut stride = self.shape.stride;
+        if rows > stride {
+            // Some more than now, so that a growing body does not ask anew every step.
+            stride = (rows + rows / 4).next_multiple_of(256);
+            let mut buffers = vectors(stride);
+            buffers.extend(matrix(kernel, stride));
+            buffers.push(storage("children", 27 * 4 * stride as usize));
+            self.memory.grow(gpu, &sizes(buffers, stride), 0, &[])?;
         }
+        self.shape = self.lattice.level(rows, stride);
+        Ok(())
     }
 
     /// Tells the device of the level's shape.
     pub fn upload(&self, gpu: &Gpu) {
-        gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&self.shape));
+        self.memory.write(gpu, "level", 0, &[self.shape]);
     }
 
-    /// Workgroups of a thread a row.
-    pub fn by_row(&self) -> [u32; 2] {
-        [self.shape.rows.div_ceil(64), 1]
+    pub fn get(&self, name: &str) -> &Buffer {
+        self.memory.get(name)
     }
 
-    /// Workgroups of a thread a row and slot.
-    pub fn by_entry(&self, slots: u32) -> [u32; 2] {
-        [self.shape.rows.div_ceil(64), slots]
+    /// x, of which there are two.
+    pub fn x(&self, number: usize) -> &Buffer {
+        self.memory.of_side("x_in", number)
     }
 
-    /// Workgroups of 1024 entries of the table.
-    pub fn by_part(&self) -> [u32; 2] {
-        [self.lattice.entries().div_ceil(1024) as u32, 1]
-    }
-
-    /// Workgroups of a product, 32 rows each.
-    pub fn by_product(&self) -> [u32; 2] {
-        [self.shape.rows.div_ceil(32), 1]
-    }
-
-    /// Workgroups of a reduction.
-    pub fn by_sum(&self) -> [u32; 2] {
-        [self.shape.groups, 1]
+    /// What a program of this level sees: `own` buffers first, and x number `side` as `x_in`.
+    pub fn scope<'a>(&'a self, side: usize, own: &[(&'a str, &'a Buffer)]) -> Scope<'a> {
+        let named = own.iter().fold(Scope::default(), |scope, &(name, buffer)| scope.with(name, buffer));
+        named.with("partials", self.get("partials_in")).and_side(&self.memory, side)
     }
 }
 
-fn fits(gpu: &Gpu, bytes: u64, what: &str) -> Result<(), EngineError> {
-    let most = gpu.limits.max_storage_buffer_binding_size.min(gpu.limits.max_buffer_size);
-    if bytes > most {
-        return Err(EngineError::Capacity(format!(
-            "{what} would take {bytes} bytes; one buffer holds at most {most} on this device: use a larger domain.dx, the explicit \
-             integrator, or the CPU engine"
-        )));
-    }
-    Ok(())
+/// What a program between two levels sees: the coarse one's buffers, the finer one's as `fine_…`,
+/// and the system's; `x_in` is x of that number.
+pub fn between<'a>(system: &'a System, [fine, coarse]: [&'a Level; 2], numbers: [usize; 2]) -> Scope<'a> {
+    let shapes = Scope::default().with("fine", fine.get("level")).with("coarse", coarse.get("level"));
+    shapes.prefixed("fine_", &fine.memory, numbers[0]).and_side(&coarse.memory, numbers[1]).and(&system.memory)
 }

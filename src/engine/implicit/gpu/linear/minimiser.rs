@@ -2,12 +2,11 @@
 //! host reads one small state per iteration.
 
 use super::hierarchy::Hierarchy;
-use super::kernels::{Pipelines, Program, Tools};
 use super::layout::{self, ACCEPTED, BROKEN, DROPPED, INDEFINITE};
 use super::lbfgs::Lbfgs;
 use crate::contract::{EngineError, Solve};
-use crate::explicit::gpu::readback::read;
-use crate::gpu::device::Gpu;
+use crate::gpu::program::{Dispatches, Programs, Tools};
+use crate::gpu::{Gpu, Variant};
 use crate::implicit::gpu::interface::{Evaluate, System};
 use crate::implicit::solver::policy::{Lifetime, Model, Progress, Retreat, Rules};
 use gridfall_core::sim::settings::Implicit;
@@ -24,7 +23,7 @@ const MAX_STRETCH: f32 = 256.0;
 
 /// Minimises the objectives of one scene's steps, and keeps its device memory from one to the next.
 pub struct Minimiser {
-    pipelines: Pipelines,
+    programs: Programs,
     settings: Implicit,
     hierarchy: Option<Hierarchy>,
     lbfgs: Option<Lbfgs>,
@@ -32,7 +31,8 @@ pub struct Minimiser {
 
 impl Minimiser {
     pub fn new(kernel: Kernel, settings: Implicit) -> Self {
-        Self { pipelines: Pipelines::new(kernel), settings, hierarchy: None, lbfgs: None }
+        let programs = Programs::new(Variant::of_kernel(kernel));
+        Self { programs, settings, hierarchy: None, lbfgs: None }
     }
 
     /// From `system.dv` to the minimum, there. The engine fills in time and length of the step. The
@@ -48,12 +48,12 @@ impl Minimiser {
             solve.converged = true;
             return Ok(solve);
         }
-        let tools = Tools { gpu, pipelines: &self.pipelines };
+        let tools = Tools { gpu, programs: &self.programs };
         let spare = self.hierarchy.take();
         let hierarchy = self.hierarchy.insert(Hierarchy::new(tools, system, &self.settings, spare)?);
         let mut lbfgs = match self.lbfgs.take() {
             Some(old) if old.stride == system.stride => old,
-            _ => Lbfgs::new(gpu, system.stride),
+            _ => Lbfgs::new(gpu, system.stride)?,
         };
         lbfgs.clear();
         let mut run = Run { tools, system, evaluate, hierarchy, lbfgs };
@@ -131,9 +131,8 @@ impl Run<'_> {
     fn start(&self) -> Result<layout::State, EngineError> {
         let Tools { gpu, .. } = self.tools;
         self.evaluate_with_matrices(Some(&self.lbfgs.adopt(self.tools, self.system, self.hierarchy)))?;
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(&self.system.gradient, 0, &self.lbfgs.g, 0, None);
-        gpu.queue.submit([encoder.finish()]);
+        let (from, to) = (self.system.get("gradient"), self.lbfgs.get("g"));
+        gpu.submit(|encoder| encoder.copy_buffer_to_buffer(from, 0, to, 0, None));
         self.state()
     }
 
@@ -142,11 +141,11 @@ impl Run<'_> {
         self.evaluate_with_matrices(None)
     }
 
-    fn evaluate_with_matrices(&self, then: Option<&Program>) -> Result<(), EngineError> {
+    fn evaluate_with_matrices(&self, then: Option<&Dispatches>) -> Result<(), EngineError> {
         let (gpu, system) = (self.tools.gpu, self.system);
-        gpu.queue.write_buffer(&system.control, 0, &[0; 16]);
+        system.memory.write(gpu, "control", 0, &[0u32; 4]);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(&system.dv, 0, &system.trial, 0, None);
+        encoder.copy_buffer_to_buffer(system.get("dv"), 0, system.get("trial"), 0, None);
         {
             let mut pass = encoder.begin_compute_pass(&Default::default());
             self.evaluate.record(&mut pass);
@@ -194,6 +193,6 @@ impl Run<'_> {
     }
 
     fn state(&self) -> Result<layout::State, EngineError> {
-        Ok(read(self.tools.gpu, &self.lbfgs.state, 1)?[0])
+        self.lbfgs.state(self.tools.gpu)
     }
 }

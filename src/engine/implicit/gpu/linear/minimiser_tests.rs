@@ -1,23 +1,20 @@
-//! Whole minimisations against Newton's method in f64: E = ½ Δvᵀ A Δv − bᵀΔv + ¼ κ Σ m_i |Δv_i|⁴ with the matrix of a step.
+//! Whole minimisations against Newton's method in f64: E = ½ Δvᵀ A Δv − bᵀΔv + ¼ κ Σ m_i |Δv_i|⁴
+//! with the matrix of a step.
 
 use nalgebra::{DMatrix, DVector, Matrix3};
 
 use super::minimiser::Minimiser;
 use super::problem_tests::{KERNELS, Sample, gpu, read_field, scene, write_field};
-use crate::explicit::gpu::readback::read;
-use crate::gpu::device::Gpu;
-use crate::implicit::gpu::interface::{Evaluate, System};
+use crate::gpu::memory::{Memory, Scope, storage, uniform};
+use crate::gpu::program::{Dispatch, Dispatches, Workgroups};
+use crate::gpu::{Gpu, Shader, Variant};
+use crate::implicit::gpu::interface::{Evaluate, System, sizes};
 use gridfall_core::sim::settings::{Implicit, Smoother};
 use gridfall_core::sim::setup::Kernel;
 
-macro_rules! wgsl {
-    ($name:literal) => {
-        include_str!(concat!("../../../../../wgsl/implicit/linear/", $name, ".wgsl"))
-    };
-}
-
 /// ∇E and partial sums of E. Rows as in product.wgsl.
-const GRADIENT: &str = "
+const GRADIENT: &str = "// uses implicit/linear/freedom, implicit/linear/product, implicit/linear/reduce
+
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> columns: array<u32>;
 @group(0) @binding(2) var<storage, read> values: array<f32>;
@@ -25,13 +22,13 @@ const GRADIENT: &str = "
 @group(0) @binding(4) var<storage, read> b: array<f32>;
 @group(0) @binding(5) var<storage, read> kappa: f32;
 @group(0) @binding(6) var<storage, read> control: array<u32, 4>;
-@group(0) @binding(7) var<storage, read> x: array<f32>;
+@group(0) @binding(7) var<storage, read> trial: array<f32>;
 @group(0) @binding(8) var<storage, read_write> gradient: array<f32>;
 @group(0) @binding(9) var<storage, read_write> sums: array<f32>;
 @group(0) @binding(10) var<storage, read> masses: array<f32>;
 
 fn gathered(row: u32) -> vec3<f32> {
-    return vec3<f32>(x[row], x[level.stride + row], x[2u * level.stride + row]);
+    return vec3<f32>(trial[row], trial[level.stride + row], trial[2u * level.stride + row]);
 }
 
 @compute @workgroup_size(256)
@@ -58,7 +55,8 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
 }
 ";
 
-const ENERGY: &str = "
+const ENERGY: &str = "// uses implicit/linear/level, implicit/linear/reduce
+
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read> sums: array<f32>;
 @group(0) @binding(2) var<storage, read_write> energy: vec2<f32>;
@@ -77,80 +75,43 @@ fn main(@builtin(local_invocation_index) lane: u32) {
 ";
 
 struct Quartic {
-    stages: Vec<(wgpu::ComputePipeline, wgpu::BindGroup, u32)>,
+    list: Dispatches,
 }
 
 impl Quartic {
     fn new(gpu: &Gpu, system: &System, b: &DVector<f64>, kappa: f32) -> Self {
-        let stencil = match system.kernel {
-            Kernel::Quadratic => wgsl!("stencil_quadratic"),
-            _ => wgsl!("stencil_compact"),
-        };
-        let shape = super::layout::Level {
-            rows: system.rows,
-            stride: system.stride,
-            blocks: [1; 3],
-            grids: 1,
-            ..Default::default()
-        };
-        let buffer = |label: &str, size: usize| super::level::buffer(gpu, label, size as u64);
-        let stride = system.stride as usize;
-        let [uniform, force, factor, sums] =
-            [("shape", size_of_val(&shape)), ("b", 12 * stride), ("kappa", 16), ("sums", stride)]
-                .map(|(l, n)| buffer(l, n));
-        gpu.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&shape));
-        gpu.queue.write_buffer(&factor, 0, bytemuck::bytes_of(&kappa));
-        write_field(gpu, &force, stride, b);
-        let stage = |parts: &[&str], buffers: &[&wgpu::Buffer], groups: u32| {
-            let pipeline = gpu.compile("quartic", &parts.join("\n"), &[], &[]);
-            let entries: Vec<_> = buffers
-                .iter()
-                .enumerate()
-                .map(|(k, b)| wgpu::BindGroupEntry { binding: k as u32, resource: b.as_entire_binding() })
-                .collect();
-            let bind = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: None,
-                layout: &pipeline.get_bind_group_layout(0),
-                entries: &entries,
-            });
-            (pipeline, bind, groups)
-        };
-        let rows = system.rows.div_ceil(32);
-        let (values, freedoms) = (&system.values, &system.freedoms);
-        let bound = [
-            &uniform,
-            &system.columns,
-            values,
-            freedoms,
-            &force,
-            &factor,
-            &system.control,
-            &system.trial,
-            &system.gradient,
-            &sums,
-            &system.masses,
-        ];
-        let parts = [wgsl!("level"), stencil, wgsl!("freedom"), wgsl!("product"), wgsl!("reduce"), GRADIENT];
-        let gradient = stage(&parts, &bound, rows);
-        let energy = stage(&[wgsl!("level"), wgsl!("reduce"), ENERGY], &[&uniform, &sums, &system.energy], 1);
-        Self { stages: vec![gradient, energy] }
+        let (rows, stride) = (system.rows, system.stride);
+        let shape = super::layout::Level { rows, stride, blocks: [1; 3], grids: 1, ..Default::default() };
+        let n = stride as usize;
+        let buffers =
+            vec![uniform("level", size_of_val(&shape)), storage("b", 12 * n), storage("kappa", 4), storage("sums", n)];
+        let memory = Memory::new(gpu, &sizes(buffers, stride)).unwrap();
+        memory.write(gpu, "level", 0, &[shape]);
+        memory.write(gpu, "kappa", 0, &[kappa]);
+        write_field(gpu, memory.get("b"), n, b);
+        let scope = Scope::of(&memory).and(&system.memory);
+        let variant = Variant::of_kernel(system.kernel);
+        let mut list = Dispatches::default();
+        for (name, text, groups) in [("gradient", GRADIENT, rows.div_ceil(32)), ("energy", ENERGY, 1)] {
+            let shader = Shader::of_text(name, text, variant, gpu.workgroup).unwrap_or_else(|e| panic!("{e}"));
+            list.push(Dispatch::of(gpu, gpu.program(name, shader), Workgroups::Grid([groups, 1]), &scope));
+        }
+        Self { list }
     }
 }
 
 impl Evaluate for Quartic {
     fn record(&self, pass: &mut wgpu::ComputePass) {
-        for (pipeline, bind, groups) in &self.stages {
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, bind, &[]);
-            pass.dispatch_workgroups(*groups, 1, 1);
-        }
+        self.list.record(pass);
     }
 
-    /// A is there already; what κ adds to it is left out, so that there is something to learn on the way.
+    /// A is there already; what κ adds to it is left out, so that there is something to learn on
+    /// the way.
     fn record_hessian(&self, _: &mut wgpu::ComputePass) {}
 }
 
-/// Within f32's reach up to this contrast; from 1e8 Pa on the compact pair's noise floor lies above, at 2e-8.
+/// Within f32's reach up to this contrast; from 1e8 Pa on the compact pair's noise floor lies
+/// above, at 2e-8.
 const TOLERANCE: f64 = 1e-8;
 
 /// One problem with its solution.
@@ -223,9 +184,9 @@ impl Case {
 
     fn run(&self, gpu: &Gpu, minimiser: &mut Minimiser) -> (DVector<f64>, crate::contract::Solve) {
         let stride = self.system.stride as usize;
-        write_field(gpu, &self.system.dv, stride, &super::problem_tests::dense(&self.sample.start));
+        write_field(gpu, self.system.get("dv"), stride, &super::problem_tests::dense(&self.sample.start));
         let solve = minimiser.minimise(gpu, &self.system, &self.evaluate).unwrap();
-        (read_field(gpu, &self.system.dv, stride, self.sample.rows()), solve)
+        (read_field(gpu, self.system.get("dv"), stride, self.sample.rows()), solve)
     }
 }
 
@@ -245,7 +206,8 @@ fn minima_are_newtons_and_repeatable() {
                     case.distance(&x, &solution)
                 );
                 assert!(solve.converged && solve.residual <= TOLERANCE);
-                // The device's own view of its residual is that of f64, to the roundings of its gradient.
+                // The device's own view of its residual is that of f64, to the roundings of its
+                // gradient.
                 assert!(case.residual(&x) < 1.5 * TOLERANCE, "{:e}", case.residual(&x));
                 // ε bounds forces; soft modes have little of them.
                 assert!(case.distance(&x, &solution) < 0.1);
@@ -279,9 +241,9 @@ fn a_limit_on_iterations_and_a_start_that_is_not_finite() {
     assert!(!solve.converged && solve.iterations == 2 && solve.inner_iterations == 2 && solve.levels == 3, "{solve:?}");
     let stride = case.system.stride as usize;
     let far = DVector::from_element(3 * case.sample.rows(), 1e12);
-    write_field(&gpu, &case.system.dv, stride, &far);
+    write_field(&gpu, case.system.get("dv"), stride, &far);
     let solve = minimiser.minimise(&gpu, &case.system, &case.evaluate).unwrap();
     assert!(!solve.converged && solve.residual.is_infinite() && solve.iterations == 0, "{solve:?}");
-    let control: Vec<u32> = read(&gpu, &case.system.control, 4).unwrap();
+    let control: Vec<u32> = case.system.memory.read(&gpu, "control", 4).unwrap();
     assert_eq!(control[0], 0);
 }

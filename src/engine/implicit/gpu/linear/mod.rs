@@ -1,12 +1,11 @@
 //! The linear algebra of the implicit step and its minimisation on the device; twin of the solver
 //! in `crate::implicit`.
 //!
-//! `lattice` and `level` define a level of the hierarchy and hold its memory, `kernels` has the
-//! shaders and lists of dispatches, `hierarchy` builds the levels and the V-cycle, `smoother` their
-//! polynomials and sweeps, `lbfgs` directions and line search, and `minimiser` runs it all.
+//! `lattice` and `level` define a level of the hierarchy and hold its memory, `stages` lists
+//! the dispatches, `hierarchy` builds the levels and the V-cycle, `smoother` their polynomials and
+//! sweeps, `lbfgs` directions and line search, and `minimiser` runs it all.
 
 mod hierarchy;
-pub mod kernels;
 mod lattice;
 pub mod layout;
 mod lbfgs;
@@ -19,5 +18,6 @@ mod operator_tests;
 #[cfg(test)]
 mod problem_tests;
 mod smoother;
+pub mod stages;
 
 pub use minimiser::Minimiser;

@@ -1,24 +1,26 @@
-//! Every operator of the V-cycle against dense f64 matrices, with planted errors, for both kernels, with sliding nodes and around a period.
+//! Every operator of the V-cycle against dense f64 matrices, with planted errors, for both kernels,
+//! with sliding nodes and around a period.
 
 use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen};
 use rand::{SeedableRng, rngs::StdRng};
 
-use super::hierarchy::{Hierarchy, restrict};
-use super::kernels::{Kernel, Pipelines, Program, Tools};
-use super::level::{Level, SLOT};
+use super::hierarchy::{Hierarchy, prolong, residual, restrict};
+use super::level::Level;
 use super::problem_tests::{KERNELS, Sample, distance, gpu, prolongation, random, read_field, scene, write_field};
 use super::smoother;
-use crate::explicit::gpu::readback::read;
-use crate::gpu::device::Gpu;
+use crate::gpu::memory::SLOT;
+use crate::gpu::program::{Dispatches, Programs, Tools};
+use crate::gpu::{Gpu, Variant};
 use crate::implicit::gpu::interface::{NO_NODE, System, slots};
 use crate::implicit::solver::objective::NodeId;
 use gridfall_core::sim::settings::{Implicit, Smoother};
 
-/// Rounding of sums of a hundred blocks in f32, the largest being much larger than the sum: some hundred units of 6e-8.
+/// Rounding of sums of a hundred blocks in f32, the largest being much larger than the sum: some
+/// hundred units of 6e-8.
 const ROUNDING: f64 = 1e-5;
 
 fn ids(gpu: &Gpu, level: &Level) -> Vec<NodeId<3>> {
-    let raw: Vec<[i32; 4]> = read(gpu, &level.ids, level.shape.rows as usize).unwrap();
+    let raw: Vec<[i32; 4]> = level.memory.read(gpu, "ids", level.shape.rows as usize).unwrap();
     raw.iter().map(|&[x, y, z, grid]| NodeId { grid: grid as u8, index: [x, y, z] }).collect()
 }
 
@@ -26,8 +28,8 @@ fn ids(gpu: &Gpu, level: &Level) -> Vec<NodeId<3>> {
 fn matrix(gpu: &Gpu, system: &System, level: &Level) -> DMatrix<f64> {
     let (n, stride) = (level.shape.rows as usize, level.shape.stride as usize);
     let slots = slots(system.kernel) as usize;
-    let columns: Vec<u32> = read(gpu, &level.columns, slots * stride).unwrap();
-    let values: Vec<f32> = read(gpu, &level.values, 9 * slots * stride).unwrap();
+    let columns: Vec<u32> = level.memory.read(gpu, "columns", slots * stride).unwrap();
+    let values: Vec<f32> = level.memory.read(gpu, "values", 9 * slots * stride).unwrap();
     let mut dense = DMatrix::zeros(3 * n, 3 * n);
     for (row, slot) in (0..n).flat_map(|row| (0..slots).map(move |slot| (row, slot))) {
         let column = columns[slot * stride + row];
@@ -49,7 +51,8 @@ fn off(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
     if d.is_nan() { f64::INFINITY } else { d }
 }
 
-/// A hierarchy with its matrices, and dense twins: matrices as the device has them, and prolongations with S.
+/// A hierarchy with its matrices, and dense twins: matrices as the device has them, and
+/// prolongations with S.
 struct Twin {
     system: System,
     hierarchy: Hierarchy,
@@ -95,11 +98,11 @@ fn each_case(check: impl Fn(Tools, &Sample, &mut StdRng)) {
     println!("seed {seed}");
     let gpu = gpu();
     for kernel in KERNELS {
-        let pipelines = Pipelines::new(kernel);
+        let programs = Programs::new(Variant::of_kernel(kernel));
         for periodic in [false, true] {
             let sample = Sample::new(&scene(kernel, periodic, 1e8));
             println!("{kernel:?}, periodic {periodic}: {} nodes", sample.rows());
-            check(Tools { gpu: &gpu, pipelines: &pipelines }, &sample, &mut StdRng::seed_from_u64(seed));
+            check(Tools { gpu: &gpu, programs: &programs }, &sample, &mut StdRng::seed_from_u64(seed));
         }
     }
 }
@@ -112,7 +115,8 @@ fn coarse_matrices_are_galerkin_products() {
         // Eight cells around are halved once, four stay.
         let factors = [1, 2].map(|l| t.hierarchy.levels[l].shape.factor);
         assert_eq!(factors, [[2; 3], [2, if sample.period[1].is_some() { 1 } else { 2 }, 2]]);
-        let columns: Vec<u32> = read(tools.gpu, &t.system.columns, t.system.columns.size() as usize / 4).unwrap();
+        let columns: Vec<u32> =
+            t.system.memory.read(tools.gpu, "columns", t.system.get("columns").size() as usize / 4).unwrap();
         assert_eq!(t.hierarchy.nonzeros as usize, columns.iter().filter(|&&c| c != NO_NODE).count());
         let mut operator = uncompleted(sample);
         for (l, p) in t.prolongations.iter().enumerate() {
@@ -153,7 +157,7 @@ fn inverse_diagonals_and_spectra() {
         let t = twin(tools, sample, &Implicit::default());
         for (level, a) in t.hierarchy.levels.iter().zip(&t.matrices) {
             let (n, stride) = (level.shape.rows as usize, level.shape.stride as usize);
-            let inverse: Vec<f32> = read(tools.gpu, &level.inverse, 6 * stride).unwrap();
+            let inverse: Vec<f32> = level.memory.read(tools.gpu, "inverse", 6 * stride).unwrap();
             let mut scaled = a.clone();
             for i in 0..n {
                 let at = |k: usize| f64::from(inverse[k * stride + i]);
@@ -175,7 +179,7 @@ fn inverse_diagonals_and_spectra() {
                 largest = largest.max(y.dot(&(a * &x)) / x.dot(&(a * &x)));
                 x = y.normalize();
             }
-            let coefficients: Vec<[f32; 4]> = read(tools.gpu, &level.coefficients, 1).unwrap();
+            let coefficients: Vec<[f32; 4]> = level.memory.read(tools.gpu, "coefficients", 1).unwrap();
             let ratio = f64::from(coefficients[0][2]) / largest;
             println!("λ {largest}, found {ratio} of it");
             assert!(ratio > 1.0 && ratio < 1.2, "{ratio}");
@@ -186,8 +190,8 @@ fn inverse_diagonals_and_spectra() {
 /// The polynomial in f64: x after `steps` steps from `x`, with the level's coefficients.
 fn chebyshev(tools: Tools, level: &Level, a: &DMatrix<f64>, b: &DVector<f64>, x: &DVector<f64>) -> DVector<f64> {
     let (n, stride) = (level.shape.rows as usize, level.shape.stride as usize);
-    let inverse: Vec<f32> = read(tools.gpu, &level.inverse, 6 * stride).unwrap();
-    let words: Vec<[f32; 4]> = read(tools.gpu, &level.coefficients, (SLOT / 16) as usize * 64).unwrap();
+    let inverse: Vec<f32> = level.memory.read(tools.gpu, "inverse", 6 * stride).unwrap();
+    let words: Vec<[f32; 4]> = level.memory.read(tools.gpu, "coefficients", (SLOT / 16) as usize * 64).unwrap();
     let (lambda, range) = (f64::from(words[0][2]), f64::from(level.shape.range));
     let (theta, delta) = (0.5 * lambda * (1.0 + 1.0 / range), 0.5 * lambda * (1.0 - 1.0 / range));
     let (mut x, mut d, mut rho) = (x.clone(), DVector::zeros(3 * n), delta / theta);
@@ -223,35 +227,33 @@ fn products_transfers_and_smoothers() {
             let (m, coarse_stride) = (coarse.shape.rows as usize, coarse.shape.stride as usize);
             let (a, p) = (&t.matrices[l], &t.prolongations[l]);
             let [b, x] = [random(3 * n, rng), random(3 * n, rng)];
-            write_field(gpu, &fine.b, stride, &b);
-            write_field(gpu, &fine.x[0], stride, &x);
-            let mut program = Program::default();
-            let bound = [&fine.uniform, &fine.columns, &fine.values, &fine.b, &fine.x[0], &fine.r];
-            program.push_whole(tools, Kernel::Residual, &bound, fine.by_product());
-            restrict(&mut program, tools, &t.system, fine, coarse);
-            program.submit(gpu).unwrap();
-            let r = read_field(gpu, &fine.r, stride, n);
+            write_field(gpu, fine.get("b"), stride, &b);
+            write_field(gpu, fine.x(0), stride, &x);
+            let mut list = Dispatches::default();
+            residual(&mut list, tools, fine, 0);
+            restrict(&mut list, tools, &t.system, [fine, coarse]);
+            list.submit(gpu).unwrap();
+            let r = read_field(gpu, fine.get("r"), stride, n);
             let off = (&r - (&b - a * &x)).amax() / (a.amax() * x.amax());
             assert!(off < ROUNDING, "product off by {off:e}");
-            let restricted = read_field(gpu, &coarse.b, coarse_stride, m);
+            let restricted = read_field(gpu, coarse.get("b"), coarse_stride, m);
             assert!(distance(&restricted, &(p.transpose() * &r)) < ROUNDING, "restriction");
 
             let e = random(3 * m, rng);
-            write_field(gpu, &coarse.x[0], coarse_stride, &e);
-            let mut program = Program::default();
-            let bound = [&fine.uniform, &coarse.uniform, &fine.parents, &t.system.freedoms, &coarse.x[0], &fine.x[0]];
-            program.push_whole(tools, Kernel::Prolong, &bound, fine.by_row());
-            program.submit(gpu).unwrap();
+            write_field(gpu, coarse.x(0), coarse_stride, &e);
+            let mut list = Dispatches::default();
+            prolong(&mut list, tools, &t.system, [fine, coarse], [0, 0]);
+            list.submit(gpu).unwrap();
             // S of a coarse node that lacks directions is left to the smoother there.
-            let corrected = read_field(gpu, &fine.x[0], stride, n);
+            let corrected = read_field(gpu, fine.x(0), stride, n);
             assert!(distance(&corrected, &(&x + p * &e)) < ROUNDING, "prolongation");
             assert!(distance(&corrected, &(&x + 1.001 * p * &e)) > ROUNDING, "not noticed");
 
-            write_field(gpu, &fine.x[0], stride, &x);
-            let mut program = Program::default();
-            let at = smoother::chebyshev(&mut program, tools, fine, 0, 0..fine.shape.degree);
-            program.submit(gpu).unwrap();
-            let smoothed = read_field(gpu, &fine.x[at], stride, n);
+            write_field(gpu, fine.x(0), stride, &x);
+            let mut list = Dispatches::default();
+            let at = smoother::chebyshev(&mut list, tools, fine, 0, 0..fine.shape.degree);
+            list.submit(gpu).unwrap();
+            let smoothed = read_field(gpu, fine.x(at), stride, n);
             let expected = chebyshev(tools, fine, a, &b, &x);
             let error = (&smoothed - &expected).amax() / expected.amax();
             assert!(error < 10.0 * ROUNDING, "smoother off by {error:e}");
@@ -259,13 +261,13 @@ fn products_transfers_and_smoothers() {
         let (coarsest, a) = (levels.last().unwrap(), t.matrices.last().unwrap());
         let (n, stride) = (coarsest.shape.rows as usize, coarsest.shape.stride as usize);
         let b = random(3 * n, rng);
-        write_field(gpu, &coarsest.b, stride, &b);
-        let mut program = Program::default();
-        smoother::first(&mut program, tools, coarsest);
-        let at = smoother::chebyshev(&mut program, tools, coarsest, 0, 1..coarsest.shape.degree);
-        program.submit(gpu).unwrap();
+        write_field(gpu, coarsest.get("b"), stride, &b);
+        let mut list = Dispatches::default();
+        smoother::first(&mut list, tools, coarsest);
+        let at = smoother::chebyshev(&mut list, tools, coarsest, 0, 1..coarsest.shape.degree);
+        list.submit(gpu).unwrap();
         let expected = chebyshev(tools, coarsest, a, &b, &DVector::zeros(3 * n));
-        let error = distance(&read_field(gpu, &coarsest.x[at], stride, n), &expected);
+        let error = distance(&read_field(gpu, coarsest.x(at), stride, n), &expected);
         assert!(error < 10.0 * ROUNDING, "coarse solve off by {error:e}");
     });
 }
@@ -279,9 +281,9 @@ fn the_v_cycle_is_symmetric_positive_and_contracts() {
             let (n, stride) = (sample.rows(), t.system.stride as usize);
             let finest = &t.hierarchy.levels[0];
             let cycle = |b: &DVector<f64>| {
-                write_field(gpu, &finest.b, stride, b);
+                write_field(gpu, finest.get("b"), stride, b);
                 t.hierarchy.cycle.submit(gpu).unwrap();
-                read_field(gpu, &finest.x[t.hierarchy.result], stride, n)
+                read_field(gpu, finest.x(t.hierarchy.result), stride, n)
             };
             for _ in 0..3 {
                 let [x, y] = [random(3 * n, rng), random(3 * n, rng)];

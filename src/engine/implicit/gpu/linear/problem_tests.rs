@@ -6,8 +6,7 @@ use nalgebra::{DMatrix, DVector, Matrix3};
 use rand::{Rng, rngs::StdRng};
 
 use crate::contract::NoControl;
-use crate::explicit::gpu::readback::read;
-use crate::gpu::device::Gpu;
+use crate::gpu::Gpu;
 use crate::implicit::gpu::interface::{NO_NODE, System, slots};
 use crate::implicit::physics::discretisation::Discretisation;
 use crate::implicit::physics::potential::Potential;
@@ -20,8 +19,8 @@ use gridfall_scene::{self as scene, Limits};
 pub const KERNELS: [Kernel; 2] = [Kernel::Quadratic, Kernel::Compact];
 const DT_S: f64 = 0.02;
 
-/// A soft and a stiff half, jittered, on a slip floor and against a slip wall where they meet (nodes slide along planes and a line); or, if
-/// `periodic`, all around along y.
+/// A soft and a stiff half, jittered, on a slip floor and against a slip wall where they meet
+/// (nodes slide along planes and a line); or, if `periodic`, all around along y.
 pub fn scene(kernel: Kernel, periodic: bool, stiff_pa: f64) -> Problem {
     let kernel = if kernel == Kernel::Quadratic { "quadratic" } else { "compact" };
     let (boundary, width) =
@@ -130,13 +129,13 @@ impl Sample {
         };
         let freedoms: Vec<_> = self.freedoms.iter().map(freedom).collect();
         let narrow = |x: &[f64]| -> Vec<f32> { x.iter().map(|&x| x as f32).collect() };
-        gpu.queue.write_buffer(&system.columns, 0, bytemuck::cast_slice(&columns));
-        gpu.queue.write_buffer(&system.values, 0, bytemuck::cast_slice(&values));
-        gpu.queue.write_buffer(&system.ids, 0, bytemuck::cast_slice(&ids));
-        gpu.queue.write_buffer(&system.freedoms, 0, bytemuck::cast_slice(&freedoms));
-        gpu.queue.write_buffer(&system.masses, 0, bytemuck::cast_slice(&narrow(&self.masses)));
-        gpu.queue.write_buffer(&system.scales, 0, bytemuck::cast_slice(&narrow(&self.scales)));
-        write_field(gpu, &system.dv, stride, &dense(&self.start));
+        system.memory.write(gpu, "columns", 0, &columns);
+        system.memory.write(gpu, "values", 0, &values);
+        system.memory.write(gpu, "ids", 0, &ids);
+        system.memory.write(gpu, "freedoms", 0, &freedoms);
+        system.memory.write(gpu, "masses", 0, &narrow(&self.masses));
+        system.memory.write(gpu, "scales", 0, &narrow(&self.scales));
+        write_field(gpu, system.get("dv"), stride, &dense(&self.start));
         system
     }
 
@@ -161,8 +160,9 @@ impl Sample {
     }
 }
 
-/// Prolongation from coarse nodes to fine ones without S: weight 1 for an even index, ½ for both neighbours of an odd one, by axis; along an
-/// axis whose `factor` is 1 each to its like. `period` is the fine nodes'.
+/// Prolongation from coarse nodes to fine ones without S: weight 1 for an even index, ½ for both
+/// neighbours of an odd one, by axis; along an axis whose `factor` is 1 each to its like. `period`
+/// is the fine nodes'.
 pub fn prolongation(fine: &[NodeId<3>], coarse: &[NodeId<3>], period: [i32; 3], factor: [i32; 3]) -> DMatrix<f64> {
     let mut p = DMatrix::zeros(3 * fine.len(), 3 * coarse.len());
     for (j, parent) in coarse.iter().enumerate() {
@@ -196,7 +196,7 @@ pub fn write_field(gpu: &Gpu, buffer: &wgpu::Buffer, stride: usize, x: &DVector<
 }
 
 pub fn read_field(gpu: &Gpu, buffer: &wgpu::Buffer, stride: usize, rows: usize) -> DVector<f64> {
-    let values: Vec<f32> = read(gpu, buffer, 3 * stride).unwrap();
+    let values: Vec<f32> = gpu.read(buffer, 3 * stride).unwrap();
     DVector::from_fn(3 * rows, |k, _| f64::from(values[k % 3 * stride + k / 3]))
 }
 

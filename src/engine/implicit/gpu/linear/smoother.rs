@@ -2,16 +2,21 @@
 
 use std::ops::Range;
 
-use super::kernels::{Kernel, Program, Tools};
 use super::layout::Colour;
-use super::level::{Level, MAX_DEGREE, SLOT, buffer, slot};
+use super::level::{Level, MAX_DEGREE};
+use super::stages::{CHEBYSHEV, CHEBYSHEV_FIRST, GAUSS_SEIDEL, LANCZOS, LANCZOS_START, RITZ, append};
+use crate::contract::EngineError;
+use crate::gpu::memory::{Memory, SLOT, slot, storage};
+use crate::gpu::program::{Dispatches, Tools};
+use crate::implicit::gpu::interface::sizes;
 use crate::implicit::solver::smoother::{DEGREE, RANGE};
 use gridfall_core::sim::settings::Smoother;
 
-/// Degree of the polynomial that solves on the coarsest level, and the part of the spectrum that it damps, [λ / range, λ].
+/// Degree of the polynomial that solves on the coarsest level, and the part of the spectrum that it
+/// damps, [λ / range, λ].
 const COARSE_DEGREE: u32 = 30;
 const COARSE_RANGE: f32 = 400.0;
-const _: () = assert!(COARSE_DEGREE <= MAX_DEGREE && DEGREE as u32 <= MAX_DEGREE);
+const _: () = assert!(COARSE_DEGREE as usize <= MAX_DEGREE && DEGREE <= MAX_DEGREE);
 /// Lanczos steps towards the largest eigenvalue.
 const LANCZOS_STEPS: usize = 12;
 
@@ -31,67 +36,53 @@ impl Smoothing {
         }
     }
 
-    /// Smooths the level's x number `at`, after [`first`] or a restriction if `fresh`. Gives the number of the result.
-    pub fn smooth(self, program: &mut Program, tools: Tools, level: &Level, at: usize, fresh: bool) -> usize {
+    /// Smooths the level's x number `at`, after [`first`] or a restriction if `fresh`. Gives the
+    /// number of the result.
+    pub fn smooth(
+        self,
+        list: &mut Dispatches,
+        tools: Tools,
+        level: &Level,
+        at: usize,
+        fresh: bool,
+    ) -> Result<usize, EngineError> {
         match self.kind {
-            Smoother::Chebyshev => chebyshev(program, tools, level, at, u32::from(fresh)..level.shape.degree),
-            Smoother::GaussSeidel => {
-                symmetric_sweep(program, tools, level, at);
-                at
-            }
+            Smoother::Chebyshev => Ok(chebyshev(list, tools, level, at, u32::from(fresh)..level.shape.degree)),
+            Smoother::GaussSeidel => symmetric_sweep(list, tools, level, at),
         }
     }
 }
 
 /// The first step of the finest level from x = 0.
-pub fn first(program: &mut Program, tools: Tools, level: &Level) {
-    let [shape, inverse, b, d, x] =
-        [&level.uniform, &level.inverse, &level.b, &level.d, &level.x[0]].map(|b| b.as_entire_binding());
-    let bound = [shape, inverse, slot(&level.coefficients, 0), b, d, x];
-    program.push(tools, Kernel::ChebyshevFirst, &bound, level.by_row());
+pub fn first(list: &mut Dispatches, tools: Tools, level: &Level) {
+    let scope = level.scope(0, &[]).with_part("coefficient", slot(level.get("coefficients"), 0));
+    append(list, tools, CHEBYSHEV_FIRST, level, &scope);
 }
 
 /// Some steps of the level's polynomial from x number `at`. Gives the number of the result.
-pub fn chebyshev(program: &mut Program, tools: Tools, level: &Level, mut at: usize, steps: Range<u32>) -> usize {
+pub fn chebyshev(list: &mut Dispatches, tools: Tools, level: &Level, mut at: usize, steps: Range<u32>) -> usize {
     for step in steps {
-        let [shape, columns, values, inverse, b, x, d, next] = [
-            &level.uniform,
-            &level.columns,
-            &level.values,
-            &level.inverse,
-            &level.b,
-            &level.x[at],
-            &level.d,
-            &level.x[1 - at],
-        ]
-        .map(|b| b.as_entire_binding());
-        let coefficient = slot(&level.coefficients, step);
-        let bound = [shape, columns, values, inverse, coefficient, b, x, d, next];
-        program.push(tools, Kernel::Chebyshev, &bound, level.by_product());
+        let coefficient = slot(level.get("coefficients"), step as usize);
+        append(list, tools, CHEBYSHEV, level, &level.scope(at, &[]).with_part("coefficient", coefficient));
         at = 1 - at;
     }
     at
 }
 
-/// Colours forwards and back.
-fn symmetric_sweep(program: &mut Program, tools: Tools, level: &Level, at: usize) {
+/// Colours forwards and back, in place.
+fn symmetric_sweep(list: &mut Dispatches, tools: Tools, level: &Level, at: usize) -> Result<usize, EngineError> {
     let turns = colours(level);
-    let queue = buffer(tools.gpu, "colours", SLOT * turns.len() as u64);
-    for (k, turn) in turns.iter().enumerate() {
-        tools.gpu.queue.write_buffer(&queue, SLOT * k as u64, bytemuck::bytes_of(turn));
+    let memory = Memory::new(tools.gpu, &sizes(vec![storage("turns", SLOT as usize * turns.len())], level.shape.rows))?;
+    turns.iter().enumerate().for_each(|(k, turn)| memory.write_slot(tools.gpu, "turns", k, turn));
+    for k in (0..turns.len()).chain((0..turns.len()).rev()) {
+        let scope = level.scope(at, &[]).with_part("turn", slot(memory.get("turns"), k));
+        append(list, tools, GAUSS_SEIDEL, level, &scope);
     }
-    let turns = turns.len() as u32;
-    for k in (0..turns).chain((0..turns).rev()) {
-        let [shape, columns, values, inverse, ids, b, x] =
-            [&level.uniform, &level.columns, &level.values, &level.inverse, &level.ids, &level.b, &level.x[at]]
-                .map(|b| b.as_entire_binding());
-        let bound = [shape, columns, values, inverse, ids, b, x, slot(&queue, k)];
-        program.push(tools, Kernel::GaussSeidel, &bound, level.by_product());
-    }
+    Ok(at)
 }
 
-/// Nodes of one colour are no neighbours: 27 colours of the quadratic kernel's nodes, 16 of the compact pair's in half cells. Around a periodic
-/// axis there may have to be more.
+/// Nodes of one colour are no neighbours: 27 colours of the quadratic kernel's nodes, 16 of the
+/// compact pair's in half cells. Around a periodic axis there may have to be more.
 fn colours(level: &Level) -> Vec<Colour> {
     let half = level.shape.grids == 2;
     let apart = if half { 4 } else { 3 };
@@ -106,36 +97,23 @@ fn colours(level: &Level) -> Vec<Colour> {
 }
 
 /// Lanczos steps towards the level's spectrum, if it has a polynomial.
-pub fn spectrum(program: &mut Program, tools: Tools, level: &Level) {
+pub fn spectrum(list: &mut Dispatches, tools: Tools, level: &Level) {
     if level.shape.degree == 0 {
         return;
     }
-    // These vectors are not in use yet.
-    let (r, z, ap, mut p) = (&level.b, &level.d, &level.r, 0);
-    let partials = &level.partials[0];
-    let bound = [&level.uniform, &level.ids, &level.inverse, r, z, &level.x[p], partials, &level.lanczos];
-    program.push_whole(tools, Kernel::LanczosStart, &bound, level.by_sum());
-    for _ in 0..LANCZOS_STEPS {
-        program.push_whole(tools, Kernel::LanczosRatio, &[&level.uniform, partials, &level.lanczos], [1, 1]);
-        let bound = [
-            &level.uniform,
-            &level.columns,
-            &level.values,
-            z,
-            &level.x[p],
-            &level.lanczos,
-            &level.x[1 - p],
-            ap,
-            &level.products,
-        ];
-        program.push_whole(tools, Kernel::LanczosProduct, &bound, level.by_product());
-        let bound = [&level.uniform, &level.inverse, &level.products, ap, r, z, partials, &level.lanczos];
-        program.push_whole(tools, Kernel::LanczosUpdate, &bound, level.by_sum());
-        p = 1 - p;
+    // Vectors that are not in use yet.
+    let scope = |step: usize| {
+        let p = [("p", level.x(step % 2)), ("p_next", level.x(1 - step % 2))];
+        let rest = [("r", level.get("b")), ("z", level.get("d")), ("ap", level.get("r"))];
+        level.scope(0, &[&p[..], &rest].concat())
+    };
+    append(list, tools, LANCZOS_START, level, &scope(0));
+    for step in 0..LANCZOS_STEPS {
+        append(list, tools, LANCZOS, level, &scope(step));
     }
 }
 
-/// The level's polynomial from what Lanczos found.
-pub fn polynomial(program: &mut Program, tools: Tools, level: &Level, stretch: &wgpu::Buffer) {
-    program.push_whole(tools, Kernel::Ritz, &[&level.uniform, &level.lanczos, &level.coefficients, stretch], [1, 1]);
+/// The level's polynomial from what Lanczos found; `memory` has the `stretch`.
+pub fn polynomial(list: &mut Dispatches, tools: Tools, level: &Level, memory: &Memory) {
+    append(list, tools, RITZ, level, &level.scope(0, &[]).and(memory));
 }

@@ -1,12 +1,20 @@
-// Start of a frame: transfer from full particle states, p_i = Σ w (m v + m B D⁻¹ d) + dt f_i (CK-MPM eqs. 15–22).
+// Start of a frame: transfer from full particle states, p_i = Σ w (m v + m B D⁻¹ d) + dt f_i
+// (CK-MPM eqs. 15–22).
 // In: states by id, bins of ids. Out: grid `_out`; particles in bin order.
-// One workgroup a work item, one lane a particle at a time; sums are integers in workgroup memory, then in the grid.
+// One workgroup a work item, one lane a particle at a time; sums are integers in workgroup memory,
+// then in the grid.
+//
+// uses explicit/transfer, explicit/state_io
 
 @compute @workgroup_size(WORKGROUP)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let item = group_index(group, groups);
     var job = Work(0u, 0u, 0u, 0u);
-    if (item < status.groups[GROUPS_WORK]) {
+    if (item < report.groups[GROUPS_WORK]) {
         job = work[item];
     }
     open_scatter(job.block, lane);

@@ -1,13 +1,22 @@
-// Fused step: grid n → particles → grid n + 1 (after Wang et al. 2020). Velocity and B live in registers only.
-// In: node velocities `_in`, particles `_in` through their bins. Out: particles `_out` in bin order, grid `_out`, and the
-// destination (block slot, rank) of every particle for the next binning.
-// One workgroup a work item, one lane a particle at a time; sums are integers in workgroup memory, then in the grid.
+// Fused step: grid n → particles → grid n + 1 (after Wang et al. 2020). Velocity and B live in
+// registers only.
+// In: node velocities `_in`, particles `_in` through their bins. Out: particles `_out` in bin
+// order, grid `_out`, and the destination (block slot, rank) of every particle for the next
+// binning.
+// One workgroup a work item, one lane a particle at a time; sums are integers in workgroup memory,
+// then in the grid.
+//
+// uses explicit/advance, explicit/state_io
 
 @compute @workgroup_size(WORKGROUP)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let item = group_index(group, groups);
     var job = Work(0u, 0u, 0u, 0u);
-    if (item < status.groups[GROUPS_WORK]) {
+    if (item < report.groups[GROUPS_WORK]) {
         job = work[item];
     }
     let corner = block_corner(job.block);
@@ -31,7 +40,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         if (next.ok) {
             let stress = kirchhoff(next.state, principal, material, g.gradient * (1.0 / params.dx));
             if (stress.stiffening * body.demand > params.soft_demand) {
-                atomicOr(&status.halt, HALT_REPLAN);
+                atomicOr(&report.halt, HALT_REPLAN);
             }
             if (!scatter(id, next.y, body.mass, g.v, g.B, stress.tau * (body.volume * params.dt / params.dx))) {
                 fail(ERROR_NAN, id);

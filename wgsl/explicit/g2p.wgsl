@@ -1,6 +1,10 @@
-// Last step of a frame: grid → particles, and full states by id for read-back and for the next frame's p2g.
-// Particles that share no node with another are reset (Bai & Schroeder §5; twin: src/cpu/isolated.rs).
+// Last step of a frame: grid → particles, and full states by id for read-back and for the next
+// frame's p2g.
+// Particles that share no node with another are reset (Bai & Schroeder §5; twin:
+// src/engine/explicit/cpu/isolated.rs).
 // One workgroup a work item, one lane a particle at a time; every id is written by one lane.
+//
+// uses explicit/advance, explicit/state_io
 
 /// Others may add this share to Σ w m_i before a particle counts as accompanied.
 const ALONE = 1e-4;
@@ -35,13 +39,17 @@ fn rotation_of(B: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let item = group_index(group, groups);
     var job = Work(0u, 0u, 0u, 0u);
-    if (item < status.groups[GROUPS_WORK]) {
+    if (item < report.groups[GROUPS_WORK]) {
         job = work[item];
         if (item == 0u && lane == 0u) {
-            status.finished = 1u;
+            report.finished = 1u;
         }
     }
     let corner = block_corner(job.block);
@@ -60,7 +68,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         var principal: Principal;
         var next = advance(corner, y, g, load_deformation(from_, material.model), material, id, &principal);
         if (next.ok && is_alone(y, body.mass)) {
-            atomicAdd(&status.isolated, 1u);
+            atomicAdd(&report.isolated, 1u);
             next.state.F = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
             next.state.J = 1.0;
             principal = decompose(next.state, material.model);
@@ -80,9 +88,9 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         store_frame_deformation(id, material.model, next.state);
         let stress = kirchhoff(next.state, principal, material, g.gradient * (1.0 / params.dx));
         // A comparison by bits orders numbers that are not negative; NaN shows in the next step.
-        atomicMax(&status.max_demand, bitcast<u32>(body.demand * max(1.0, stress.stiffening)));
+        atomicMax(&report.max_demand, bitcast<u32>(body.demand * max(1.0, stress.stiffening)));
         // Bound on the speed of nodes around the particle, for the next plan: |v| + √3 dx |C|.
         let c = times_inverse_moment(g.B, next.local);
-        atomicMax(&status.max_speed, bitcast<u32>(length(g.v) + 1.7320508 * sqrt(norm2(c))));
+        atomicMax(&report.max_speed, bitcast<u32>(length(g.v) + 1.7320508 * sqrt(norm2(c))));
     }
 }

@@ -1,11 +1,14 @@
 // Particle ↔ grid transfers, APIC and MLS, on either kernel (CK-MPM §4.3–4.5; NUMERICS in docs).
 // Velocities in m/s; distances d, D and B in cells, so that C d = (B D⁻¹) d needs no dx.
+//
+// uses explicit/tile, shared/mls, shared/polar
 
 struct Gathered { v: vec3<f32>, B: mat3x3<f32>, gradient: mat3x3<f32> } // gradient: dx ∇v (m/s)
 
-/// Sums are of differences to the first node's velocity: Σ w = 1 holds only to rounding, and that error would otherwise be a
-/// steady gain or loss of momentum.
-/// v = ½ Σ w v_i, B = ½ Σ w v_i dᵀ, and dx ∇v = ½ Σ v_i ∇wᵀ (APIC) or B D⁻¹ (MLS) at the old position.
+/// Sums are of differences to the first node's velocity: Σ w = 1 holds only to rounding, and that
+/// error would otherwise be a steady gain or loss of momentum.
+/// v = ½ Σ w v_i, B = ½ Σ w v_i dᵀ, and dx ∇v = ½ Σ v_i ∇wᵀ (APIC) or B D⁻¹ (MLS) at the old
+/// position.
 fn gather(y: vec3<f32>) -> Gathered {
     let s = stencil(y);
     let first = node_velocity(0u, s.base[0]);
@@ -37,7 +40,8 @@ fn gather(y: vec3<f32>) -> Gathered {
     return out;
 }
 
-/// Scatters mass and momentum: w (m v + m C d), with the force -V0 τ ∇w or, for MLS, -V0 τ D⁻¹ d w, times dt.
+/// Scatters mass and momentum: w (m v + m C d), with the force -V0 τ ∇w or, for MLS, -V0 τ D⁻¹ d w,
+/// times dt.
 /// `tau_impulse` = dt V0 τ / dx. False, and nothing done, if it is not finite.
 fn scatter(id: u32, y: vec3<f32>, mass: f32, v: vec3<f32>, B: mat3x3<f32>, tau_impulse: mat3x3<f32>) -> bool {
     if (!(norm2(tau_impulse) < 1e30)) {

@@ -1,11 +1,15 @@
-// Contact of the grid's nodes with colliders (CK-MPM §3.3), one after the other. Positions relative to domain.min (m).
+// Contact of the grid's nodes with colliders (CK-MPM §3.3), one after the other. Positions relative
+// to domain.min (m).
+//
+// uses explicit/reactions, shared/distance
 
-/// `mass`: fixed-point momentum per velocity; `slot`: of the block, whose workgroup books what colliders take.
+/// `mass`: fixed-point momentum per velocity; `slot`: of the block, whose workgroup books what
+/// colliders take.
 fn collide(v_in: vec3<f32>, x: vec3<f32>, mass: f32, slot: u32) -> vec3<f32> {
     var v = v_in;
     for (var c = 0u; c < params.colliders; c++) {
         let collider = colliders[c];
-        let pose = poses[(status.index - params.first_step) * params.colliders + c];
+        let pose = poses[(report.index - params.first_step) * params.colliders + c];
         if (pose.linear.w == 0.0) {
             continue;
         }

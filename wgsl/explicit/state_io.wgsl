@@ -1,4 +1,7 @@
-// Where a particle's deformation state lies: channel-major arrays, F by columns and then the plastic state; J in channel 0 of a fluid.
+// Where a particle's deformation state lies: channel-major arrays, F by columns and then the
+// plastic state; J in channel 0 of a fluid.
+//
+// uses explicit/layout, shared/state
 
 fn load_deformation(at: u32, model: u32) -> Deformation {
     var s: Deformation;

@@ -1,4 +1,7 @@
-// What one particle does between gather and scatter: x ← x + dt v, F ← (I + dt ∇v) F, with the guards of the step.
+// What one particle does between gather and scatter: x ← x + dt v, F ← (I + dt ∇v) F, with the
+// guards of the step.
+//
+// uses explicit/transfer, shared/state
 
 struct Advanced {
     ok: bool,
@@ -30,10 +33,10 @@ fn advance(corner: vec3<f32>, y: vec3<f32>, g: Gathered, state: Deformation, mat
         fail(ERROR_CFL, id);
         return out;
     }
-    atomicMax(&status.max_shift, bitcast<u32>(farthest));
+    atomicMax(&report.max_shift, bitcast<u32>(farthest));
     let entries = max(abs(growth[0]), max(abs(growth[1]), abs(growth[2])));
     if (farthest > params.soft_shift || max(entries.x, max(entries.y, entries.z)) > params.soft_growth) {
-        atomicOr(&status.halt, HALT_REPLAN);
+        atomicOr(&report.halt, HALT_REPLAN);
     }
     out.y = y + move_cells;
     let x = corner + out.y + SHIFT;

@@ -1,20 +1,27 @@
-// Turns the particle count of every block into the start of its bin, and lists the blocks that have particles as work.
+// Turns the particle count of every block into the start of its bin, and lists the blocks that have
+// particles as work.
 // One thread a slot. The order of bins is the order of arrival; no value depends on it.
+//
+// uses explicit/layout
 
 @compute @workgroup_size(WORKGROUP)
-fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) count: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) count: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let slot = group_index(id, count) * WORKGROUP + lane;
-    if (slot >= status.groups[GROUPS_BLOCKS_OUT]) {
+    if (slot >= report.groups[GROUPS_BLOCKS_OUT]) {
         return;
     }
     let particles = atomicLoad(&bins[slot]);
     if (particles == 0u) {
         return;
     }
-    let start = atomicAdd(&status.cursor, particles);
+    let start = atomicAdd(&report.cursor, particles);
     atomicStore(&bins[slot], start);
     let items = (particles + WORK_MAX - 1u) / WORK_MAX;
-    let first = atomicAdd(&status.work_count, items);
+    let first = atomicAdd(&report.work_count, items);
     let block = atomicLoad(&blocks_out[slot + 1u]);
     for (var i = 0u; i < items; i++) {
         work[first + i] = Work(block, start + i * WORK_MAX, min(WORK_MAX, particles - i * WORK_MAX), 0u);

@@ -1,9 +1,13 @@
-// Grid update: v_i = p_i / m_i + dt g, then walls and colliders (CK-MPM §3.3; forces are already in p_i).
-// In: fixed-point mass and momentum. Out: velocities as f32 bits in the momentum's place; mass unchanged; what surfaces took.
+// Grid update: v_i = p_i / m_i + dt g, then walls and colliders (CK-MPM §3.3; forces are already in
+// p_i).
+// In: fixed-point mass and momentum. Out: velocities as f32 bits in the momentum's place; mass
+// unchanged; what surfaces took.
 // One workgroup an active block; each node is read and written by one lane.
+//
+// uses explicit/collide, shared/kernel_*
 
-/// Contact with the two walls of axis `a`; a wall's nodes are those whose index is on or beyond its plane: of the compact kernel's pairs
-/// i ± ¼ both or neither (src/sim/contact.rs says why).
+/// Contact with the two walls of axis `a`; a wall's nodes are those whose index is on or beyond its
+/// plane: of the compact kernel's pairs i ± ¼ both or neither (src/core/sim/contact.rs says why).
 fn walls_of_axis(v: vec3<f32>, a: u32, x: f32, cells: f32, mass: f32, slot: u32) -> vec3<f32> {
     let upper = x >= cells;
     if (x > 0.0 && !upper) {
@@ -40,10 +44,10 @@ fn update(slot: u32, lane: u32) {
                 fail(ERROR_RANGE, 0xfffffffeu);
             }
             if (momentum > SOFT_LIMIT) {
-                atomicOr(&status.halt, HALT_MOMENTUM);
+                atomicOr(&report.halt, HALT_MOMENTUM);
             }
             if (mass > SOFT_LIMIT) {
-                atomicOr(&status.halt, HALT_MASS);
+                atomicOr(&report.halt, HALT_MASS);
             }
             let per_velocity = f32(mass) * (params.momentum_scale / params.mass_scale);
             v = (vec3<f32>(p) / f32(mass)) * (params.mass_scale / params.momentum_scale) + params.gravity * params.dt;
@@ -60,11 +64,15 @@ fn update(slot: u32, lane: u32) {
 }
 
 @compute @workgroup_size(64)
-fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) count: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) count: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let slot = group_index(id, count);
     open_reactions(lane);
     workgroupBarrier();
-    if (slot < status.groups[GROUPS_BLOCKS_IN]) {
+    if (slot < report.groups[GROUPS_BLOCKS_IN]) {
         update(slot, lane);
     }
     workgroupBarrier();

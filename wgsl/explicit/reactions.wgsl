@@ -1,7 +1,11 @@
-// What surfaces take from the material: sums of impulses and their moments. Twin: src/sim/reaction.rs.
+// What surfaces take from the material: sums of impulses and their moments. Twin:
+// src/core/sim/reaction.rs.
 //
-// 64-bit integers in two words, so that the order of additions does not matter. A workgroup adds up the first surfaces in its
-// own memory and flushes once; which replica it flushes to spreads the traffic, and the host adds the replicas up.
+// 64-bit integers in two words, so that the order of additions does not matter. A workgroup adds up
+// the first surfaces in its own memory and flushes once; which replica it flushes to spreads the
+// traffic, and the host adds the replicas up.
+//
+// uses explicit/layout
 
 /// Units of a sum per fixed-point unit of momentum; arms are in cells.
 const REACTION_UNITS = 64.0;

@@ -1,10 +1,14 @@
-// Buffers and structs that every kernel sees. The Rust twins are in src/gpu/layout.rs; a test compares them field by field.
+// Buffers and structs of the explicit engine. The Rust twins are in
+// src/engine/explicit/gpu/layout.rs; a test compares them field by field.
 //
-// Block: 4³ nodes of each grid. Slot: place of an active block in `grid_*`. The `_in` side belongs to the grid that holds
-// the particles' transfer at the step's start, the `_out` side to the one that this step fills; the host swaps them.
+// Block: 4³ nodes of each grid. Slot: place of an active block in `grid_*`. The `_in` side belongs
+// to the grid that holds the particles' transfer at the step's start, the `_out` side to the one
+// that this step fills; the host swaps them.
 //
-// Particle coordinates: y = x/dx - SHIFT (+ padding), stored as block and offset in [0, 4), so that a particle keeps full f32
-// precision however large the domain is.
+// Particle coordinates: y = x/dx - SHIFT (+ padding), stored as block and offset in [0, 4), so that
+// a particle keeps full f32 precision however large the domain is.
+//
+// uses shared/structs, shared/blocks
 
 struct Params {
     blocks: vec3<u32>,       // extent of the dense block table
@@ -28,7 +32,7 @@ struct Params {
     walls: array<vec4<f32>, 6>, // x-, x+, y-, y+, z-, z+: contact kind, friction, unused, unused
 }
 
-struct Status {
+struct Report {
     halt: atomic<u32>,       // HALT_* bits; any stops all later steps until the host clears it
     error: atomic<u32>,      // ERROR_* bits
     error_particle: atomic<u32>, // lowest id that raised an error
@@ -50,38 +54,34 @@ struct Status {
 struct Work { block: u32, start: u32, count: u32, unused: u32 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read_write> status: Status;
-@group(0) @binding(2) var<storage, read_write> table_in: array<u32>;              // block -> slot + 1, 0 = inactive
+@group(0) @binding(1) var<storage, read_write> report: Report;
+@group(0) @binding(2) var<storage, read_write> table_in: array<u32>; // block -> slot + 1, 0 = inactive
 @group(0) @binding(3) var<storage, read_write> table_out: array<atomic<u32>>;
-@group(0) @binding(4) var<storage, read_write> blocks_in: array<u32>;             // [0] count, then block by slot
+@group(0) @binding(4) var<storage, read_write> blocks_in: array<u32>; // [0] count, then block by slot
 @group(0) @binding(5) var<storage, read_write> blocks_out: array<atomic<u32>>;
-@group(0) @binding(6) var<storage, read_write> grid_in: array<i32>;               // slot, grid, channel (m, p), node
+@group(0) @binding(6) var<storage, read_write> grid_in: array<i32>; // slot, grid, channel (m, p), node
 @group(0) @binding(7) var<storage, read_write> grid_out: array<atomic<i32>>;
-@group(0) @binding(8) var<storage, read_write> bins: array<atomic<u32>>;          // slot of `_out` -> count, then start
+@group(0) @binding(8) var<storage, read_write> bins: array<atomic<u32>>; // slot of `_out` -> count, then start
 @group(0) @binding(9) var<storage, read_write> work: array<Work>;
-@group(0) @binding(10) var<storage, read_write> destinations: array<vec2<u32>>;   // particle -> slot, rank in its bin
-@group(0) @binding(11) var<storage, read_write> list: array<u32>;                 // bin position -> particle
-@group(0) @binding(12) var<storage, read_write> position_in: array<vec4<u32>>;    // offset in block (f32 bits), id
+@group(0) @binding(10) var<storage, read_write> destinations: array<vec2<u32>>; // particle -> slot, rank in its bin
+@group(0) @binding(11) var<storage, read_write> list: array<u32>; // bin position -> particle
+@group(0) @binding(12) var<storage, read_write> position_in: array<vec4<u32>>; // offset in block (f32 bits), id
 @group(0) @binding(13) var<storage, read_write> position_out: array<vec4<u32>>;
-@group(0) @binding(14) var<storage, read_write> deformation_in: array<f32>;       // channel-major: F by columns, or J
+@group(0) @binding(14) var<storage, read_write> deformation_in: array<f32>; // channel-major: F by columns, or J
 @group(0) @binding(15) var<storage, read_write> deformation_out: array<f32>;
 @group(0) @binding(16) var<storage, read_write> frame_position: array<vec4<u32>>; // by id: offset (f32 bits), block
-@group(0) @binding(17) var<storage, read_write> frame_velocity: array<f32>;       // by id, channel-major: v, B/dx by columns
-@group(0) @binding(18) var<storage, read_write> frame_deformation: array<f32>;    // by id, channel-major
-@group(0) @binding(19) var<storage, read_write> body_of: array<u32>;              // by id
-@group(0) @binding(20) var<storage, read_write> bodies: array<Body>;
-@group(0) @binding(21) var<storage, read_write> materials: array<Material>;
-@group(0) @binding(22) var<storage, read_write> sdf_ops: array<SdfOp>;
-@group(0) @binding(23) var<storage, read_write> colliders: array<Collider>;
-@group(0) @binding(24) var<storage, read_write> poses: array<Pose>;
-@group(0) @binding(25) var<storage, read_write> sdf_samples: array<f32>;          // of all fields, x fastest (m)
-@group(0) @binding(26) var<storage, read_write> reactions: array<atomic<u32>>;    // replica, surface, force and moment, two words
+@group(0) @binding(17) var<storage, read_write> frame_velocity: array<f32>; // by id, channel-major: v, B/dx by columns
+@group(0) @binding(18) var<storage, read_write> frame_deformation: array<f32>; // by id, channel-major
+@group(0) @binding(19) var<storage, read> body_of: array<u32>; // by id
+@group(0) @binding(20) var<storage, read> bodies: array<Body>;
+@group(0) @binding(21) var<storage, read> materials: array<Material>;
+@group(0) @binding(22) var<storage, read> sdf_ops: array<SdfOp>;
+@group(0) @binding(23) var<storage, read> colliders: array<Collider>;
+@group(0) @binding(24) var<storage, read> poses: array<Pose>;
+@group(0) @binding(25) var<storage, read> sdf_samples: array<f32>; // of all fields, x fastest (m)
+@group(0) @binding(26) var<storage, read_write> reactions: array<atomic<u32>>; // replica, surface, two words a sum
 
 override WORKGROUP: u32 = 64u;
-/// MLS-MPM (forces and velocity gradient through D⁻¹) instead of APIC (through kernel gradients).
-override MLS: bool = true;
-/// Whether any law of the scene works in principal space; the code of those laws is left out of pipelines that do not need it.
-override PRINCIPAL: bool = true;
 
 const HALT_BLOCKS = 1u;   // more blocks wanted than there are slots; the step was not begun
 const HALT_REPLAN = 2u;   // a particle moved further than planned; the step is complete
@@ -108,13 +108,13 @@ const GROUPS_PARTICLES = 5u;
 const WORK_MAX = 1024u;
 
 fn halted() -> bool {
-    return atomicLoad(&status.halt) != 0u;
+    return atomicLoad(&report.halt) != 0u;
 }
 
 fn fail(code: u32, id: u32) {
-    atomicOr(&status.error, code);
-    atomicMin(&status.error_particle, id);
-    atomicOr(&status.halt, HALT_ERROR);
+    atomicOr(&report.error, code);
+    atomicMin(&report.error_particle, id);
+    atomicOr(&report.halt, HALT_ERROR);
 }
 
 fn neighbour(i: u32) -> vec3<i32> {
@@ -123,7 +123,8 @@ fn neighbour(i: u32) -> vec3<i32> {
 
 /// Activates a block of the `_out` side once.
 fn claim(block: u32) {
-    // Reading first keeps the compare-and-swap rare: nearly all of the 27 claims on a block find it taken.
+    // Reading first keeps the compare-and-swap rare: nearly all of the 27 claims on a block find it
+    // taken.
     for (var tries = 0u; tries < 64u && atomicLoad(&table_out[block]) == 0u; tries++) {
         let taken = atomicCompareExchangeWeak(&table_out[block], 0u, 0xffffffffu);
         if (taken.exchanged) {

@@ -1,8 +1,11 @@
-// Workgroup memory of the transfers: node velocities that a block's particles read, and fixed-point sums that they scatter.
+// Workgroup memory of the transfers: node velocities that a block's particles read, and fixed-point
+// sums that they scatter.
 //
 // Read tile: nodes 0..5 of the block per axis (a particle's base is 0..3, compact grid -: 0..4).
 // Scatter tile: nodes -1..6, because a particle moves less than a cell before it scatters.
 // Sums are integers: their order does not matter, so that runs repeat bit for bit.
+//
+// uses explicit/layout, shared/kernel_*
 
 const READ = 6u;
 const READ_NODES = 216u;
@@ -46,7 +49,8 @@ fn open_gather(block: u32, lane: u32) {
     }
 }
 
-/// Loads node velocities; nodes of inactive blocks are at rest. A barrier must come before and after.
+/// Loads node velocities; nodes of inactive blocks are at rest. A barrier must come before and
+/// after.
 fn load_velocities(lane: u32) {
     for (var i = lane; i < READ_NODES * GRIDS; i += WORKGROUP) {
         let grid = i / READ_NODES;
@@ -69,7 +73,8 @@ fn load_velocities(lane: u32) {
 fn node_velocity(grid: u32, n: vec3<i32>) -> vec3<f32> {
     let u = vec3<u32>(n);
     let at = grid * READ_NODES + u.x + READ * u.y + READ * READ * u.z;
-    return vec3<f32>(velocity_tile[at], velocity_tile[at + READ_NODES * GRIDS], velocity_tile[at + 2u * READ_NODES * GRIDS]);
+    let stride = READ_NODES * GRIDS;
+    return vec3<f32>(velocity_tile[at], velocity_tile[at + stride], velocity_tile[at + 2u * stride]);
 }
 
 /// Mass of a node of the read tile (kg), from the grid.
@@ -83,9 +88,10 @@ fn node_mass(grid: u32, n: vec3<i32>) -> f32 {
     return f32(grid_in[((slot - 1u) * GRIDS + grid) * 256u + low.x + 4u * low.y + 16u * low.z]) / params.mass_scale;
 }
 
-/// Adds to a node's sums and carries the rounding error over to the particle's next node, so that a particle's total is exact
-/// to half a unit. The carry starts at random (`dither`): with plain rounding, a lattice of particles that all round alike would
-/// drift by a share of a unit in every step.
+/// Adds to a node's sums and carries the rounding error over to the particle's next node, so that a
+/// particle's total is exact to half a unit. The carry starts at random (`dither`): with plain
+/// rounding, a lattice of particles that all round alike would drift by a share of a unit in every
+/// step.
 fn add_to_node(grid: u32, n: vec3<i32>, mass: f32, momentum: vec3<f32>, carry: ptr<function, vec4<f32>>) {
     let u = vec3<u32>(n + vec3<i32>(1));
     let at = grid * TILE_NODES + u.x + TILE * u.y + TILE * TILE * u.z;
@@ -101,7 +107,7 @@ fn add_to_node(grid: u32, n: vec3<i32>, mass: f32, momentum: vec3<f32>, carry: p
 
 /// Four values in [-½, ½) from a particle's id and the step (PCG hash, Jarzynski & Olano 2020).
 fn dither(id: u32) -> vec4<f32> {
-    let state = (id ^ (status.index * 0x9e3779b9u)) * 747796405u + 2891336453u;
+    let state = (id ^ (report.index * 0x9e3779b9u)) * 747796405u + 2891336453u;
     let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
     let h = (word >> 22u) ^ word;
     return vec4<f32>((vec4<u32>(h) >> vec4<u32>(0u, 8u, 16u, 24u)) & vec4<u32>(255u)) * (1.0 / 256.0) - 0.498046875;
@@ -111,8 +117,11 @@ fn dither(id: u32) -> vec4<f32> {
 fn flush_tile(lane: u32) {
     for (var i = lane; i < TILE_NODES * GRIDS; i += WORKGROUP) {
         let mass = atomicLoad(&sum_tile[i]);
-        let p = vec3<i32>(atomicLoad(&sum_tile[i + TILE_NODES * GRIDS]), atomicLoad(&sum_tile[i + 2u * TILE_NODES * GRIDS]),
-            atomicLoad(&sum_tile[i + 3u * TILE_NODES * GRIDS]));
+        let p = vec3<i32>(
+            atomicLoad(&sum_tile[i + TILE_NODES * GRIDS]),
+            atomicLoad(&sum_tile[i + 2u * TILE_NODES * GRIDS]),
+            atomicLoad(&sum_tile[i + 3u * TILE_NODES * GRIDS]),
+        );
         if (mass == 0 && all(p == vec3<i32>(0))) {
             continue;
         }

@@ -1,8 +1,15 @@
-// Start of a frame: activates the blocks around every particle, as `activate` does from the bins that do not exist yet.
+// Start of a frame: activates the blocks around every particle, as `activate` does from the bins
+// that do not exist yet.
 // One thread a particle.
+//
+// uses explicit/layout
 
 @compute @workgroup_size(WORKGROUP)
-fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) count: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) count: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let id = group_index(group, count) * WORKGROUP + lane;
     if (id >= params.live) {
         return;

@@ -1,9 +1,15 @@
 // Zeroes the grid and the bin of every active block of the `_out` side. One workgroup a block.
+//
+// uses explicit/layout, shared/kernel_*
 
 @compute @workgroup_size(WORKGROUP)
-fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) count: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+fn main(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) count: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let slot = group_index(id, count);
-    if (slot >= status.groups[GROUPS_BLOCKS_OUT]) {
+    if (slot >= report.groups[GROUPS_BLOCKS_OUT]) {
         return;
     }
     for (var i = lane; i < 256u * GRIDS; i += WORKGROUP) {
