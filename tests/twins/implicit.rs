@@ -18,7 +18,7 @@ use gridfall_engine::implicit::solver::sparse::Bsr;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::common;
+use crate::common;
 
 const DT_S: f64 = 2e-3;
 const TIME_S: f64 = 0.005;

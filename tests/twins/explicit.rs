@@ -3,10 +3,6 @@
 //! Reference: the CPU engine in f64. Differences are in units of a full node's mass and of the scene's speed scale: momentum is
 //! compared by momentum and node velocity weighted by mass, because a node that is nearly empty has no meaningful velocity.
 
-mod common;
-#[path = "twins/implicit.rs"]
-mod implicit;
-
 use std::collections::BTreeMap;
 
 use gridfall_core::sim::particles::Particles;
@@ -15,6 +11,8 @@ use gridfall_engine::explicit::cpu::{CpuEngine, Stages, stages};
 use gridfall_engine::explicit::gpu::{GridNode, Staged};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+
+use crate::common;
 
 const DT_S: f64 = 4e-4;
 

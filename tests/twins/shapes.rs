@@ -1,7 +1,5 @@
 //! The GPU's signed distances and normals are the CPU's: every shape as a slippery collider in a body with random velocities.
 
-mod common;
-
 use std::collections::BTreeMap;
 
 use gridfall_core::sim::setup::{Precision, Problem, Setup};
@@ -10,6 +8,8 @@ use gridfall_engine::explicit::gpu::Staged;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
+
+use crate::common;
 
 const DT_S: f64 = 1e-4;
 

@@ -1,16 +1,12 @@
 //! The GPU engine on its own: exact motions, repeatability, growth, guards and errors.
 
-mod common;
-#[path = "gpu/implicit.rs"]
-mod implicit;
-#[path = "gpu/isolated.rs"]
-mod isolated;
-
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Problem;
 use gridfall_engine::{Control, Engine, EngineError, FrameStats, NoControl};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+
+use crate::common;
 
 fn block(kernel: &str, boundary: &str, extra: &str) -> Problem {
     common::problem(&format!(

@@ -6,7 +6,7 @@ use gridfall_engine::implicit::ImplicitEngine;
 use gridfall_engine::implicit::gpu::supports;
 use gridfall_engine::{Engine, FrameStats, NoControl};
 
-use super::common;
+use crate::common;
 
 /// A bar that hangs in a grip which turns and pulls, beside a block that slides on a floor with friction.
 fn scene(kernel: &str, transfer: &str) -> Problem {

@@ -1,0 +1,12 @@
+//! The GPU engines do what the CPU engines do: stage by stage on random states, and over whole frames.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod explicit;
+mod frames;
+mod implicit;
+mod implicit_frames;
+mod isolated;
+mod layout;
+mod shapes;
