@@ -1,4 +1,4 @@
-//! The command line: arguments, progress and exit codes. One file a command.
+//! The command line: arguments, progress and exit codes. One file per command.
 
 mod adapters;
 mod bench;
@@ -54,7 +54,8 @@ impl Command {
     }
 }
 
-/// Reads the command line, does what it says, and returns 0 when done, 1 when a job failed, 2 for bad input.
+/// Parses the command line and runs the command. Returns 0 when done, 1 when a job failed, 2 for
+/// bad input.
 pub fn main() -> ExitCode {
     match Arguments::parse().command.execute() {
         Ok(()) => ExitCode::SUCCESS,
@@ -65,12 +66,12 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// Why a command did not do what it was told.
+/// Why a command failed.
 #[derive(Debug)]
 enum CliError {
     /// The work itself failed.
     Failed(String),
-    /// It could not be begun with this input.
+    /// The command could not start with this input.
     BadInput(String),
     /// A scene has faults.
     Faults { scene: String, faults: Vec<Fault> },
