@@ -1,4 +1,4 @@
-//! The `gridfall` program; all of it is in the library.
+//! The `gridfall` program; its code is in the library.
 
 use std::process::ExitCode;
 

@@ -1,4 +1,5 @@
-//! The comparison of the HOT paper (Wang et al. 2020, §7): reduced scenes, each run with each method, time and iterations counted.
+//! The method comparison of the HOT paper (Wang et al. 2020, §7): each reduced scene is run with
+//! each method, and time and iterations are recorded.
 
 use std::time::{Duration, Instant};
 
@@ -25,17 +26,18 @@ pub const SCENES: [(&str, &str); 11] = [
     (SWEEP, include_str!("../../scenes/stiffness-sweep-small.json")),
 ];
 
-/// The scene that is run once for each modulus of [`SWEEP_MODULI`] (paper's Fig. 20).
+/// The scene that is run once for each modulus of [`SWEEP_MODULI`] (the paper's Fig. 20).
 const SWEEP: &str = "stiffness-sweep";
 const SWEEP_MODULI: [&str; 6] = ["1e5", "1e6", "1e7", "1e8", "1e9", "1e10"];
 
-/// The label of HOT as in the paper: its smoother, its coarse solve, one hierarchy a step.
+/// The label of HOT as in the paper: its smoother, its coarse solve, one hierarchy per step.
 const PUBLISHED: &str = "hot-published";
 
-/// What the methods are compared with.
+/// The method that the others are compared with.
 pub const REFERENCE: &str = "hot";
 
-/// Labels of all that can be compared, the reference first: the methods as scenes spell them, and HOT as published.
+/// Labels of everything that can be compared, the reference first: the methods as scenes spell
+/// them, and HOT as published.
 pub fn labels() -> Vec<String> {
     let methods = Method::ALL.map(|method| spelled(&method));
     std::iter::once(REFERENCE.to_owned())
@@ -44,7 +46,7 @@ pub fn labels() -> Vec<String> {
         .collect()
 }
 
-/// A value as scenes spell it.
+/// The spelling of a value in scenes.
 fn spelled(value: &impl Serialize) -> String {
     json!(value).as_str().unwrap_or_default().to_owned()
 }
@@ -53,7 +55,7 @@ fn spelled(value: &impl Serialize) -> String {
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     pub scene: String,
-    /// What was varied in the scene; empty for the scene as it is.
+    /// What was varied in the scene; empty for the unchanged scene.
     pub variant: String,
     pub method: String,
     pub kernel: Kernel,
@@ -64,9 +66,9 @@ pub struct Row {
     pub time_s: f64,
     pub outer_iterations: u64,
     pub inner_iterations: u64,
-    /// Every step came down to the tolerance, and all frames were run.
+    /// True if every step converged to the tolerance, and all frames were run.
     pub converged: bool,
-    /// The same by frame.
+    /// The same, by frame.
     pub frame_time_s: Vec<f64>,
     pub frame_outer_iterations: Vec<u64>,
     pub frame_inner_iterations: Vec<u64>,
@@ -83,7 +85,8 @@ pub struct Case {
 }
 
 impl Case {
-    /// Every named scene, in all its variants, with every kernel, tolerance and method; the methods of a problem one after the other.
+    /// Every named scene in all its variants, with every kernel, tolerance and method. The methods
+    /// of one problem follow each other.
     pub fn all(scenes: &[String], methods: &[String], kernels: &[Kernel], tolerances: &[f64]) -> Vec<Self> {
         let mut cases = Vec::new();
         for (scene, document) in SCENES.iter().filter(|(name, _)| scenes.iter().any(|scene| scene == name)) {
@@ -140,8 +143,8 @@ impl Case {
         Ok(problem)
     }
 
-    /// Runs the problem on an engine that has loaded it, for `limit` at most. A run that takes longer or fails is one that did not converge; the
-    /// error is handed back with it.
+    /// Runs the problem on an engine that has loaded it, for `limit` at most. A run that takes
+    /// longer or fails counts as not converged. The error is returned with it.
     pub fn run(&self, setup: &Setup, engine: &mut dyn Engine, limit: Duration) -> (Row, Option<EngineError>) {
         let clock = Clock { end: Instant::now() + limit };
         let mut row = Row {

@@ -1,4 +1,5 @@
-//! Named benchmark cases and their measurement: warm-up, then the median of several frames on one engine.
+//! Named benchmark cases and their measurement: a warm-up, then the median of several frames on one
+//! engine.
 
 pub mod implicit;
 
@@ -15,11 +16,12 @@ use gridfall_engine::{Backend, Engine, EngineError, NoControl};
 use gridfall_recording::provenance;
 use gridfall_scene::{self as scene, Fault};
 
-/// Frames whose median counts.
+/// Number of frames that are measured.
 const FRAMES: usize = 5;
-/// Wall time that a measured frame aims at.
+/// Target wall time of a measured frame.
 const FRAME_WALL_S: f64 = 0.4;
-/// Grid traffic a particle at 8 particles a cell (bytes a step), beside the particle's own state read and written once.
+/// Grid traffic per particle at 8 particles per cell (bytes per step), in addition to reading and
+/// writing the particle's own state once.
 const GRID_BYTES: f64 = 24.0;
 
 /// Size of a case: cells along the body's edge.
@@ -67,26 +69,36 @@ pub fn scene_json(case: &str, size: Size, kernel: Kernel, precision: Precision) 
     if case == CASES[0] {
         // A column of n × n × n cells in a tank three times as long.
         format!(
-            r#"{{ "gridfall": 1, "name": "{case}", "domain": {{ "min": [0,0,0], "max": [1.5,0.5,1], "dx": {dx}, {walls} }},
+            r#"{{ "gridfall": 1, "name": "{case}",
+            "domain": {{ "min": [0,0,0], "max": [1.5,0.5,1], "dx": {dx}, {walls} }},
             "gravity": [0,0,-9.81],
-            "materials": {{ "water": {{ "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 2e5 }} }},
-            "bodies": [ {{ "name": "column", "material": "water", "shape": {{ "box": {{ "min": [0,0,0], "max": [0.5,0.5,0.5] }} }} }} ],
+            "materials": {{
+              "water": {{ "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 2e5 }} }},
+            "bodies": [
+              {{ "name": "column", "material": "water",
+                 "shape": {{ "box": {{ "min": [0,0,0], "max": [0.5,0.5,0.5] }} }} }} ],
             {time}, {solver} }}"#
         )
     } else {
-        // Two cubes of half that volume each that run into each other, turned so that F is no multiple of I.
+        // Two cubes of half that volume each that collide, rotating so that F is not a multiple of
+        // I.
         format!(
-            r#"{{ "gridfall": 1, "name": "{case}", "domain": {{ "min": [0,0,0], "max": [1.5,0.5,1], "dx": {dx}, {walls} }},
-            "materials": {{ "jelly": {{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e6, "poissons_ratio": 0.3 }} }},
+            r#"{{ "gridfall": 1, "name": "{case}",
+            "domain": {{ "min": [0,0,0], "max": [1.5,0.5,1], "dx": {dx}, {walls} }},
+            "materials": {{
+              "jelly": {{ "model": "fixed-corotated", "density": 1000,
+                         "youngs_modulus": 1e6, "poissons_ratio": 0.3 }} }},
             "bodies": [
-              {{ "name": "left", "material": "jelly", "velocity": [1,0,0], "angular_velocity": [0,0,2], "shape": {{ "box": {{ "min": [0.25,0.05,0.3], "max": [0.65,0.45,0.7] }} }} }},
-              {{ "name": "right", "material": "jelly", "velocity": [-1,0,0], "angular_velocity": [0,2,0], "shape": {{ "box": {{ "min": [0.85,0.05,0.3], "max": [1.25,0.45,0.7] }} }} }} ],
+              {{ "name": "left", "material": "jelly", "velocity": [1,0,0], "angular_velocity": [0,0,2],
+                 "shape": {{ "box": {{ "min": [0.25,0.05,0.3], "max": [0.65,0.45,0.7] }} }} }},
+              {{ "name": "right", "material": "jelly", "velocity": [-1,0,0], "angular_velocity": [0,2,0],
+                 "shape": {{ "box": {{ "min": [0.85,0.05,0.3], "max": [1.25,0.45,0.7] }} }} }} ],
             {time}, {solver} }}"#
         )
     }
 }
 
-/// Median, least and most of several frames.
+/// Median, minimum and maximum of several frames.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Spread {
     pub median: f64,
@@ -105,7 +117,7 @@ impl Spread {
 #[derive(Clone, Debug, Serialize)]
 pub struct StageTime {
     pub stage: &'static str,
-    /// Mean over the profiled steps (µs a step).
+    /// Mean over the profiled steps (µs per step).
     pub us_per_step: f64,
 }
 
@@ -120,21 +132,21 @@ pub struct Row {
     pub dt_s: f64,
     pub backend: Backend,
     pub particle_steps_per_s: Spread,
-    /// Wall time for a second of simulated time: counts the kernel's step too.
+    /// Wall time for a second of simulated time; this includes the effect of the kernel's step.
     pub wall_s_per_simulated_s: f64,
-    /// Least memory traffic of a particle and step (bytes).
+    /// Minimum memory traffic per particle and step (bytes).
     pub floor_bytes: f64,
-    /// Bytes read and written a second by a plain copy.
+    /// Bytes read and written per second by a plain copy.
     pub copy_bandwidth_b_s: f64,
-    /// Share of that bandwidth that the least traffic of this speed takes.
+    /// Share of that bandwidth that the minimum traffic needs at this speed.
     pub floor_share: f64,
-    /// Empty on the CPU and without timestamps.
+    /// Empty on the CPU, and on GPUs without timestamps.
     pub stages: Vec<StageTime>,
     pub version: &'static str,
     pub commit: &'static str,
 }
 
-/// What can go wrong: a scene of the user's, or the device.
+/// What can go wrong: the user's scene, or the device.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
     #[error("the scene has faults")]
@@ -193,7 +205,7 @@ pub fn measure(devices: &Devices, problem: &Problem, case: &str, size: &str) -> 
     })
 }
 
-/// An engine whose kind is known, because only a GPU has stage times.
+/// An engine whose kind is known, because only a GPU reports stage times.
 enum Measured {
     Cpu(Box<CpuEngine>),
     Gpu(Box<GpuEngine>),
@@ -222,7 +234,7 @@ impl Measured {
     }
 }
 
-/// Particle-steps a second of each measured frame, and their steps.
+/// Particle-steps per second of each measured frame, and the steps of a frame.
 fn rates(engine: &mut dyn Engine, problem: &Problem, dt_s: f64) -> Result<(Vec<f64>, usize), EngineError> {
     let mut frame = |steps: usize| -> Result<(f64, f64), EngineError> {
         let begin = Instant::now();
@@ -230,7 +242,7 @@ fn rates(engine: &mut dyn Engine, problem: &Problem, dt_s: f64) -> Result<(Vec<f
         let wall = begin.elapsed().as_secs_f64();
         Ok((problem.particles.len() as f64 * stats.steps as f64 / wall, wall / stats.steps as f64))
     };
-    // Warm-up: pipelines, caches, clocks; then as many steps a frame as make a fair sample.
+    // Warm-up: pipelines, caches, clocks. Then as many steps per frame as give a fair sample.
     frame(4)?;
     let per_step = frame(4)?.1;
     let steps = ((FRAME_WALL_S / per_step) as usize).clamp(4, 400);
@@ -238,7 +250,8 @@ fn rates(engine: &mut dyn Engine, problem: &Problem, dt_s: f64) -> Result<(Vec<f
     Ok((rates, steps))
 }
 
-/// Bytes that must move for a particle and step: position and deformation read and written once, and the grid's share.
+/// Bytes that must be moved per particle and step: position and deformation read and written once,
+/// and the particle's share of the grid.
 fn floor_bytes(problem: &Problem) -> f64 {
     let scalar = if problem.setup.precision == Precision::F64 { 8.0 } else { 4.0 };
     let state = |material: &Material| match material {
@@ -254,7 +267,7 @@ fn floor_bytes(problem: &Problem) -> f64 {
     2.0 * scalar * of_bodies / problem.particles.len() as f64 + GRID_BYTES * scalar / 4.0
 }
 
-/// Bytes read and written a second by copies of large arrays on all threads, the best of a few.
+/// Bytes read and written per second by copies of large arrays on all threads; the best of several.
 fn memory_bandwidth_b_s() -> f64 {
     use rayon::prelude::*;
     const CHUNK: usize = 8 << 20;

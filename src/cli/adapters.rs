@@ -1,4 +1,4 @@
-//! `gridfall adapters`: the GPUs that this machine offers.
+//! `gridfall adapters`: the GPUs of this machine.
 
 use clap::Args;
 

@@ -1,4 +1,5 @@
-//! `gridfall bench`: the named cases, or a scene, as a table or JSON; `bench implicit` compares implicit methods.
+//! `gridfall bench`: measures the named cases, or a scene, as a table or JSON; `bench implicit`
+//! compares implicit methods.
 
 use std::path::PathBuf;
 
@@ -19,7 +20,8 @@ pub struct Arguments {
     command: Option<Command>,
     /// Scene file to measure instead of the named cases.
     scene: Option<PathBuf>,
-    /// Sizes of the named cases (small, medium, large); default: all on a real GPU, else small and medium.
+    /// Sizes of the named cases (small, medium, large); default: all on a real GPU, else small and
+    /// medium.
     #[arg(long, value_delimiter = ',', value_parser = named::<Size>)]
     sizes: Vec<Size>,
     /// Interpolation kernel of the named cases.
@@ -40,7 +42,7 @@ enum Command {
     Implicit(bench_implicit::Arguments),
 }
 
-/// Reads a name as scenes spell it.
+/// Parses a name as scenes spell it.
 pub(super) fn named<T: DeserializeOwned>(name: &str) -> Result<T, String> {
     serde_json::from_value(serde_json::Value::String(name.into())).map_err(|e| e.to_string())
 }
@@ -109,7 +111,7 @@ fn print(row: &Row) {
     }
 }
 
-/// A name as scenes spell it.
+/// The spelling of a value in scenes.
 pub(super) fn name(value: &impl serde::Serialize) -> String {
     serde_json::to_value(value).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
 }

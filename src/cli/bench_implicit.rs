@@ -1,4 +1,4 @@
-//! `gridfall bench implicit`: the methods of the implicit integrator against each other, as a table or JSON.
+//! `gridfall bench implicit`: compares the methods of the implicit integrator, as a table or JSON.
 
 use std::time::Duration;
 
@@ -11,13 +11,15 @@ use crate::bench::implicit::{Case, REFERENCE, Row, SCENES, labels};
 use gridfall_core::sim::setup::{Kernel, Problem};
 use gridfall_engine::choice::Devices;
 
-/// Compare the methods of the implicit integrator on reduced scenes of the HOT paper: time, outer and inner iterations, ratio to hot.
+/// Compare the methods of the implicit integrator on reduced scenes of the HOT paper: time, outer
+/// and inner iterations, ratio to hot.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// Scenes (twist, boxes, donut, …, stiffness-sweep); default: all.
     #[arg(long, value_delimiter = ',')]
     scenes: Vec<String>,
-    /// Methods as scenes spell them, and hot-published: hot with gauss-seidel smoothing and adaptive coarse solves; default: all.
+    /// Methods as scenes spell them, and hot-published: hot with gauss-seidel smoothing and
+    /// adaptive coarse solves; default: all.
     #[arg(long, value_delimiter = ',')]
     methods: Vec<String>,
     /// Interpolation kernels.
@@ -81,7 +83,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The names that were asked for, all if none were.
+/// The names that were asked for, or all if none were.
 fn chosen(asked: &[String], known: Vec<String>, what: &str) -> Result<Vec<String>, CliError> {
     match asked.iter().find(|name| !known.contains(name)) {
         Some(name) => {
@@ -94,9 +96,10 @@ fn chosen(asked: &[String], known: Vec<String>, what: &str) -> Result<Vec<String
 }
 
 const HEADER: &str = "\
-scene            variant   method         kernel     steps   time (s)  s/frame max  outer/step  inner/step   time: hot  outer: hot  converged";
+scene            variant   method         kernel     steps   time (s)  s/frame max  outer/step  inner/step   \
+time: hot  outer: hot  converged";
 
-/// A row of the table; `before` has that of the reference.
+/// A row of the table; `before` contains that of the reference.
 fn line(row: &Row, before: &[Row]) -> String {
     let same = |other: &&Row| {
         (&other.scene, &other.variant, other.kernel) == (&row.scene, &row.variant, row.kernel)

@@ -17,10 +17,11 @@ use gridfall_engine::choice::Devices;
 use gridfall_engine::{Backend, Control, EngineError};
 use gridfall_scene::estimate::{Estimate, Integration, Limit, estimate};
 
-/// Wall time of a calibration (s); a device gets as much again to warm up.
+/// Wall time of a calibration (s); the warm-up of a device takes as long again.
 const CALIBRATION_S: f64 = 2.0;
 
-/// Validate a scene and estimate what a run costs: particles, memory, step, and run time on this device.
+/// Validate a scene and estimate what a run costs: particles, memory, step, and run time on this
+/// device.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// The scene (JSON); - reads standard input.
@@ -67,7 +68,8 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Runs the beginning of a problem for a moment: a few steps to warm up, then as many as fit into the time.
+/// Runs the beginning of a problem briefly: a few steps to warm up, then as many as fit into the
+/// time.
 fn calibrate(
     devices: &Devices,
     setup: &Setup,
@@ -103,7 +105,7 @@ fn calibrate(
     })
 }
 
-/// Ends a calibration that takes longer than it was thought to.
+/// Ends a calibration that takes longer than expected.
 struct Clock {
     started: Instant,
     step: AtomicU64,
@@ -165,7 +167,7 @@ fn text(setup: &Setup, estimate: &Estimate, speed: &Speed) -> String {
     text
 }
 
-/// What one way to integrate is predicted to cost.
+/// The predicted cost of one way to integrate.
 fn predicted(name: &str, cost: Option<&Integration>) -> String {
     match cost {
         Some(cost) => format!(
@@ -178,7 +180,7 @@ fn predicted(name: &str, cost: Option<&Integration>) -> String {
     }
 }
 
-/// What would rule if the ruling bound were relaxed.
+/// The bounds that would limit the step if the current one were relaxed.
 fn runners_up(estimate: &Estimate) -> String {
     let limit = |l: &Limit| match &l.body {
         Some(body) => format!("{} of '{body}' {:.3e} s", l.rule, l.dt_s),

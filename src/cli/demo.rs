@@ -19,10 +19,11 @@ use super::serve::{opener, runtime};
 use super::{CliError, interrupt};
 use gridfall_service::http::{self, Config, Options};
 
-/// Works from anywhere: the scene is in the program.
+/// Embedded in the program, so that the demo works from any directory.
 const SCENE: &str = include_str!("../../scenes/quickstart.json");
 
-/// Start a server on a free loopback port, run scenes/quickstart.json on it over HTTP, and download the results.
+/// Start a server on a free loopback port, run scenes/quickstart.json on it over HTTP, and download
+/// the results.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// Where to write the recording and the picture.
@@ -53,7 +54,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     server.stop()
 }
 
-/// Submits the scene, follows the job, downloads what it made and says what that is.
+/// Submits the scene, follows the job, downloads its results and prints a summary.
 fn show(url: &str, output: &Path) -> Result<(), CliError> {
     let client = Client::new(url);
     let scene: Value = serde_json::from_str(SCENE).expect("the tests check every scene of the repository");
@@ -91,7 +92,8 @@ fn show(url: &str, output: &Path) -> Result<(), CliError> {
     }
     println!(
         "\n{description}\n\n\
-         Open {mcap} in Lichtblick (https://lichtblick-suite.github.io) or Foxglove (https://app.foxglove.dev): add a 3D\n\
+         Open {mcap} in Lichtblick (https://lichtblick-suite.github.io) or Foxglove (https://app.foxglove.dev): \
+         add a 3D\n\
          panel and press play. Or read it in Python: pip install mcap mcap-protobuf-support, then\n\n\
          \x20 from mcap.reader import make_reader\n\
          \x20 from mcap_protobuf.decoder import DecoderFactory\n\
@@ -126,7 +128,7 @@ impl Server {
         let thread = thread::spawn(move || {
             let runtime = runtime()?;
             let shutdown = async {
-                // Dropped when the demo fails: that is an end, too.
+                // Dropped if the demo fails, which also ends the server.
                 let _ = stopped.await;
             };
             let report = |address| listening.send(address).expect("the demo waits for the address");
@@ -140,7 +142,7 @@ impl Server {
     }
 
     fn stop(self) -> Result<(), CliError> {
-        // The receiver is gone only when the server has ended by itself, which joining tells.
+        // The receiver is gone only if the server has ended by itself; joining reports that.
         let _ = self.stop.send(());
         let ended = join(self.thread);
         fs::remove_dir_all(&self.data_dir)
@@ -153,7 +155,7 @@ fn join(thread: JoinHandle<Result<(), CliError>>) -> Result<(), CliError> {
     thread.join().unwrap_or_else(|_| Err(CliError::Failed("the server panicked".into())))
 }
 
-/// Speaks HTTP with the server, as any other client would.
+/// Talks to the server over HTTP, like any other client.
 struct Client<'a> {
     url: &'a str,
     agent: Agent,
@@ -184,7 +186,7 @@ impl<'a> Client<'a> {
     }
 }
 
-/// The JSON of an answer; that of an error becomes one.
+/// Parses the JSON of an answer; an error response becomes an error.
 fn json_body(mut response: ureq::http::Response<ureq::Body>) -> Result<Value, CliError> {
     let body: Value = response.body_mut().read_json().map_err(failed)?;
     if response.status().is_success() {

@@ -1,10 +1,10 @@
-//! Ctrl-C and SIGTERM as a request to end well.
+//! Ctrl-C and SIGTERM as requests to end gracefully.
 
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Resolves at the first SIGINT or SIGTERM. From the call on neither kills the process any more.
+/// Resolves at the first SIGINT or SIGTERM. After this call neither kills the process any more.
 #[cfg(unix)]
 pub fn requested() -> io::Result<impl Future<Output = ()> + Send> {
     use tokio::signal::unix::{SignalKind, signal};
@@ -21,14 +21,14 @@ pub fn requested() -> io::Result<impl Future<Output = ()> + Send> {
 #[cfg(not(unix))]
 pub fn requested() -> io::Result<impl Future<Output = ()> + Send> {
     Ok(async {
-        // Without a console there is nobody to press the keys.
+        // Without a console nobody can press the keys.
         if tokio::signal::ctrl_c().await.is_err() {
             std::future::pending::<()>().await;
         }
     })
 }
 
-/// A flag that goes up at the first request, for code without a runtime.
+/// A flag that is set at the first request, for code without a runtime.
 pub fn flag() -> io::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(false));
     let raised = flag.clone();

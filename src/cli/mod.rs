@@ -1,4 +1,4 @@
-//! The command line: arguments, progress and exit codes. One file a command.
+//! The command line: arguments, progress and exit codes. One file per command.
 
 mod adapters;
 mod bench;
@@ -54,7 +54,8 @@ impl Command {
     }
 }
 
-/// Reads the command line, does what it says, and returns 0 when done, 1 when a job failed, 2 for bad input.
+/// Parses the command line and runs the command. Returns 0 when done, 1 when a job failed, 2 for
+/// bad input.
 pub fn main() -> ExitCode {
     return_large_arrays();
     match Arguments::parse().command.execute() {
@@ -66,8 +67,8 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// Makes the allocator return arrays of a megabyte and more to the system as soon as they are freed. By default glibc comes to keep
-/// those below 32 MiB for itself: a sixth of the memory of a run.
+/// Makes the allocator return arrays of a megabyte and more to the system as soon as they are freed.
+/// By default glibc comes to keep those below 32 MiB for itself: a sixth of the memory of a run.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 fn return_large_arrays() {
     // SAFETY: it only sets a parameter of malloc.
@@ -77,12 +78,12 @@ fn return_large_arrays() {
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
 fn return_large_arrays() {}
 
-/// Why a command did not do what it was told.
+/// Why a command failed.
 #[derive(Debug)]
 enum CliError {
     /// The work itself failed.
     Failed(String),
-    /// It could not be begun with this input.
+    /// The command could not start with this input.
     BadInput(String),
     /// A scene has faults.
     Faults { scene: String, faults: Vec<Fault> },

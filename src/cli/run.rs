@@ -1,4 +1,4 @@
-//! `gridfall run`: a scene without a server.
+//! `gridfall run`: runs a scene without a server.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -110,7 +110,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Reads and judges a scene file.
+/// Reads and checks a scene file.
 pub fn load(path: &Path, overrides: &[String]) -> Result<(Scene, Problem), CliError> {
     let name = if path == Path::new("-") { "standard input".to_owned() } else { path.display().to_string() };
     let text =
@@ -123,7 +123,8 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<(Scene, Problem), CliEr
     judged.map_err(|faults| CliError::Faults { scene: name, faults })
 }
 
-/// The files that a scene may name: those in its folder, or in the current one if it comes from standard input.
+/// The files that a scene may name: those in its folder, or in the current one if the scene comes
+/// from standard input.
 fn files_beside(scene: &Path) -> LocalFiles {
     LocalFiles { folder: scene.parent().map(Path::to_owned).unwrap_or_default() }
 }
@@ -143,7 +144,7 @@ pub fn integration(setup: &Setup) -> String {
     format!("{}: {}", setup.integrator.name(), setup.integrator_reason)
 }
 
-/// A bar on standard error; nothing when that is not a terminal.
+/// A progress bar on standard error; `None` when that is not a terminal.
 pub fn bar(length: u64) -> ProgressBar {
     let template = "[{elapsed_precise}] {bar:40} {pos}/{len} {msg} eta {eta}";
     let bar = ProgressBar::new(length).with_style(ProgressStyle::with_template(template).expect("a valid template"));

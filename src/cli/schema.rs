@@ -27,7 +27,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         What::Openapi => http::document_json(),
     };
     match io::stdout().write_all(document.as_bytes()) {
-        // A reader such as `head` has seen enough.
+        // A reader such as `head` may close the pipe early.
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(CliError::Failed(error.to_string())),
         _ => Ok(()),
     }

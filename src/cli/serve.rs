@@ -13,7 +13,8 @@ use gridfall_engine::choice::Devices;
 use gridfall_service::http::{self, Config, Options};
 use gridfall_service::jobs::{EngineSource, OpenDevices};
 
-/// Run the server. It ends gracefully on SIGINT and SIGTERM: the running job goes back into the queue.
+/// Run the server. It ends gracefully on SIGINT and SIGTERM: the running job goes back into the
+/// queue.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// Address and port; port 0 takes a free one. The address taken is printed.
@@ -22,12 +23,18 @@ pub struct Arguments {
     /// Where jobs and their recordings are kept. One server a directory.
     #[arg(long, default_value = "./gridfall-data", value_name = "DIR", env = "GRIDFALL_DATA_DIR")]
     data_dir: PathBuf,
-    /// Listen on an address that other machines can reach, although nobody is asked for a key. Anyone who can reach the
-    /// server can then run, read and delete jobs: for containers and networks that keep strangers out.
+    /// Listen on an address that other machines can reach, although nobody is asked for a key.
+    /// Anyone who can reach the server can then run, read and delete jobs: for containers and
+    /// networks that keep strangers out.
     #[arg(long, env = "GRIDFALL_INSECURE_NO_AUTH")]
     insecure_no_auth: bool,
     /// Jobs that may wait; more are refused with 429.
-    #[arg(long, default_value_t = Config::default().max_queued, value_name = "N", value_parser = clap::value_parser!(i64).range(1..))]
+    #[arg(
+        long,
+        default_value_t = Config::default().max_queued,
+        value_name = "N",
+        value_parser = clap::value_parser!(i64).range(1..)
+    )]
     max_queued: i64,
     #[command(flatten)]
     device: DeviceArguments,
@@ -55,7 +62,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
             }
         })
     });
-    // Scenes may still be judged for clients that are gone.
+    // Scenes may still be under validation for clients that have gone.
     runtime.shutdown_timeout(Duration::from_millis(100));
     served
 }

@@ -14,7 +14,8 @@ use gridfall_recording::provenance;
 
 /// Check this build and this machine against known answers. Exit code 1 if a row fails.
 ///
-/// Runs on the CPU in f64 and, where a real GPU is found or one is named, the cases that a GPU can run on that as well.
+/// Runs on the CPU in f64 and, where a real GPU is found or one is named, the cases that a GPU can
+/// run on that as well.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// Run this case only; may be repeated.
@@ -39,13 +40,13 @@ pub struct Arguments {
     device: DeviceArguments,
 }
 
-/// What `--json` prints.
+/// The output of `--json`.
 #[derive(Serialize)]
 struct Report {
     version: &'static str,
     commit: &'static str,
     extent: &'static str,
-    /// Adapter, where one was used.
+    /// The adapter, if one was used.
     gpu: Option<String>,
     wall_s: f64,
     passed: usize,

@@ -1,8 +1,9 @@
-//! What a simulation is made of, without knowing how a scene is written or which device computes it.
+//! What a simulation consists of, independent of the scene format and of the device that runs it.
 //!
 //! * [`maths`]: scalars, small matrices, decompositions;
 //! * [`material`]: constitutive laws and their parameters;
-//! * [`sim`]: particles, grid kernels, colliders, time step, diagnostics, predicted cost.
+//! * [`sim`]: particles, interpolation kernels, colliders, the time step, diagnostics, predicted
+//!   cost.
 
 pub mod material;
 pub mod maths;

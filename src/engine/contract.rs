@@ -1,4 +1,4 @@
-//! What an engine does, whichever device it runs on, and how one is chosen.
+//! What an engine does, whichever device it runs on: the trait, its errors and its controls.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,12 +1,13 @@
-//! What colours and pictures of a run are fixed to at its start, so that neither flickers nor moves: taken from the particles at
-//! time 0, which nobody has to keep after that.
+//! The colour scale and the camera focus of a run, fixed at its start so that colours do not
+//! flicker and the camera does not move. They are derived from the particles at time 0, which need
+//! not be kept afterwards.
 
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Setup;
 
 use crate::picture::{Bounds, focus};
 
-/// What colours and pictures of a run are fixed to.
+/// The fixed colour scale and camera focus of a run.
 #[derive(Clone, Debug)]
 pub struct Appearance {
     /// Speed at which a particle has its body's bright colour (m/s).
@@ -16,13 +17,14 @@ pub struct Appearance {
 }
 
 impl Appearance {
-    /// Of a run that starts with these particles.
+    /// The appearance of a run that starts with these particles.
     pub fn new(setup: &Setup, particles: &Particles) -> Self {
         Self { full_speed_m_s: characteristic_speed_m_s(setup, particles), focus: focus(setup, particles) }
     }
 }
 
-/// The larger of twice the initial top speed and the speed of a fall through the domain; 1 m/s where nothing moves.
+/// The larger of twice the initial top speed and the speed of a fall through the domain; 1 m/s if
+/// nothing moves.
 fn characteristic_speed_m_s(setup: &Setup, particles: &Particles) -> f64 {
     let sources = setup.sources.iter().map(|source| &source.velocity);
     let fastest = particles.v.iter().chain(sources).map(|v| v.iter().map(|c| c * c).sum()).fold(0.0, f64::max);

@@ -9,8 +9,8 @@ fn main() {
     println!("cargo:rustc-env=GRIDFALL_COMMIT={}", commit().unwrap_or_else(|| "unknown".into()));
 }
 
-/// `GRIDFALL_COMMIT` where it is set (images are built without `.git`), else what git says.
-/// Development builds do not ask, because they would be rebuilt after every commit.
+/// `GRIDFALL_COMMIT` if set (images are built without `.git`), otherwise what git says. Development
+/// builds do not ask git, because they would be rebuilt after every commit.
 fn commit() -> Option<String> {
     if let Ok(commit) = std::env::var("GRIDFALL_COMMIT") {
         return Some(commit);

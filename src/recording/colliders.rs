@@ -1,7 +1,9 @@
-//! `/colliders` and `/tf`: obstacles and the domain as `foxglove.SceneUpdate`, motions as `foxglove.FrameTransform`.
+//! `/colliders` and `/tf`: obstacles and the domain as `foxglove.SceneUpdate`, motions as
+//! `foxglove.FrameTransform`.
 //!
-//! Shapes are sent in the frame of their collider, all of them with frame 0 and whenever one comes or goes, so that a viewer that
-//! jumps finds them in the last message; a moving collider's frame is sent with every frame.
+//! Shapes are sent in the frame of their collider, at frame 0 and whenever a collider appears or
+//! disappears. Each message has all of them, so that a viewer that seeks finds them in the latest
+//! message. The frames of moving colliders are sent with every frame.
 
 use foxglove::messages::{
     Color, CubePrimitive, CylinderPrimitive, Duration, FrameTransform, LinePrimitive, Point3, Pose, Quaternion,
@@ -18,12 +20,12 @@ use gridfall_core::sim::setup::Setup;
 /// Cells along the longest side of a meshed collider.
 const RESOLUTION: usize = 64;
 
-/// Which colliders are there.
+/// Which colliders exist at a time.
 pub fn present(setup: &Setup, time_s: f64) -> Vec<bool> {
     setup.colliders.iter().map(|collider| collider.is_present(time_s)).collect()
 }
 
-/// The shapes of all colliders that are there, as they were at time 0, and the removal of all others.
+/// The shapes of all existing colliders in their poses at time 0, and the removal of all others.
 pub fn scene(setup: &Setup, present: &[bool], timestamp: Timestamp) -> SceneUpdate {
     let mut entities =
         vec![SceneEntity { lines: vec![domain_outline(setup)], ..entity("domain", WORLD.into(), timestamp) }];
@@ -45,7 +47,7 @@ pub fn scene(setup: &Setup, present: &[bool], timestamp: Timestamp) -> SceneUpda
     SceneUpdate { entities, deletions }
 }
 
-/// Where the frames of the moving colliders are.
+/// The transforms of the moving colliders' frames.
 pub fn transforms(setup: &Setup, time_s: f64, timestamp: Timestamp) -> Vec<FrameTransform> {
     let moving = setup.colliders.iter().filter(|collider| collider.motion.moves());
     let transform = |collider: &Collider| {
@@ -61,12 +63,12 @@ pub fn transforms(setup: &Setup, time_s: f64, timestamp: Timestamp) -> Vec<Frame
     moving.map(transform).collect()
 }
 
-/// True for hollow shapes and grips, so that what they hold is seen.
+/// True for hollow shapes and grips, so that what they hold is visible.
 pub fn translucent(collider: &Collider) -> bool {
     collider.grip || collider.sdf.ops.iter().any(|op| matches!(op, SdfOp::Difference | SdfOp::Shell(_)))
 }
 
-/// Lower and upper corner of the domain; 2D scenes get one cell of thickness about z = 0.
+/// Lower and upper corner of the domain. 2D scenes are drawn one cell thick, about z = 0.
 pub fn domain_box(setup: &Setup) -> [[f64; 3]; 2] {
     let lower = setup.origin;
     let upper = std::array::from_fn(|a| lower[a] + setup.cells[a] as f64 * setup.dx);
@@ -86,19 +88,20 @@ fn entity(id: &str, frame_id: String, timestamp: Timestamp) -> SceneEntity {
         timestamp: Some(timestamp),
         frame_id,
         id: id.into(),
-        // Stays until replaced, and follows its frame.
+        // Stays until replaced, and moves with its frame.
         lifetime: Some(Duration::new(0, 0)),
         frame_locked: true,
         ..Default::default()
     }
 }
 
-/// Adds a solid to an entity: as one of the viewer's primitives where there is one, else as triangles.
+/// Adds a solid to an entity: as one of the viewer's primitives if there is one, otherwise as
+/// triangles.
 fn draw(setup: &Setup, collider: &Collider, entity: &mut SceneEntity) {
     let sdf: &Sdf = &collider.sdf;
     let color = Some(Color { r: 0.55, g: 0.58, b: 0.62, a: if translucent(collider) { 0.4 } else { 1.0 } });
     if let ([SdfOp::Primitive { primitive, rotation, translation }], 3) = (sdf.ops.as_slice(), setup.dimension) {
-        // The program's rotation leads into the primitive's frame; a pose leads out of it.
+        // The program's rotation maps into the primitive's frame; a pose maps out of it.
         let orientation = Matrix3::from_row_slice(rotation).transpose();
         let pose = Some(Pose { position: Some(vector(*translation)), orientation: Some(unit_quaternion(orientation)) });
         match *primitive {
@@ -120,7 +123,7 @@ fn draw(setup: &Setup, collider: &Collider, entity: &mut SceneEntity) {
                     color,
                 });
             }
-            // The viewer's scales are those of the two ends against the larger of the two.
+            // The viewer's scales are the radii of the two ends relative to the larger one.
             Primitive::Cone(base, top, half) => {
                 let r = base.max(top);
                 return entity.cylinders.push(CylinderPrimitive {

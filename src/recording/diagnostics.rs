@@ -1,7 +1,8 @@
 //! [`Row`] and [`SolverRow`] as the protobuf messages of `api/gridfall_diagnostics.proto`.
 //!
-//! Field numbers are column positions from 1, so columns may only be added at the end; the surfaces, of which each scene has its
-//! own, are a repeated field far behind. A test compares with the file.
+//! Field numbers are column positions from 1, so new columns must be added at the end. The
+//! surfaces, which differ from scene to scene, are a repeated field with a much higher number. A
+//! test compares the messages with the file.
 
 use prost::Message;
 use prost_types::field_descriptor_proto::{Label, Type};
@@ -9,13 +10,13 @@ use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, Fi
 
 use gridfall_core::sim::diagnostics::{Row, SolverRow, Value};
 
-/// Full name of the message of a frame.
+/// Full name of a frame's message.
 pub const SCHEMA_NAME: &str = "gridfall.Diagnostics";
 
-/// Full name of the message of an implicit step.
+/// Full name of an implicit step's message.
 pub const SOLVER_SCHEMA_NAME: &str = "gridfall.SolverStep";
 
-/// The schema of both messages as MCAP wants it.
+/// The schema of both messages as MCAP expects it.
 pub fn schema() -> Vec<u8> {
     descriptor_set().encode_to_vec()
 }
@@ -26,7 +27,7 @@ const REACTIONS: u32 = 100;
 /// Fields of a surface's message, after its name.
 const QUANTITIES: [&str; 6] = ["force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z"];
 
-/// What a surface bears, as a message.
+/// The reaction of a surface, as a message.
 #[derive(Clone, PartialEq, Message)]
 struct ReactionMessage {
     #[prost(string, tag = "1")]
@@ -90,7 +91,7 @@ fn descriptor_set() -> FileDescriptorSet {
     }
 }
 
-/// The name that protobuf compilers derive for JSON: camel case.
+/// The JSON name that protobuf compilers derive: camel case.
 fn json_name(name: &str) -> String {
     let mut camel = String::new();
     let mut upper = false;

@@ -1,9 +1,11 @@
-//! The part of a frame's particles that is recorded and drawn: all that is kept of a frame while the next one is computed.
+//! The particles of a frame that are recorded and drawn. Nothing else is kept of a frame while the
+//! next one is computed.
 
 use gridfall_core::sim::particles::Particles;
 
-/// At most `limit` of `count` particles, the same ones in every frame: one from each of `limit` equal runs of the sampling
-/// order, at a hashed place in its run, because a fixed stride would show the sampling lattice as stripes.
+/// At most `limit` of `count` particles, the same in every frame. One is taken from each of `limit`
+/// equal runs of the sampling order, at a hashed place in its run, because a fixed stride would
+/// show the sampling lattice as stripes.
 pub fn select(count: usize, limit: usize, seed: u64) -> Vec<u32> {
     if count <= limit {
         return (0..count as u32).collect();
@@ -21,7 +23,8 @@ fn hash(x: u64) -> u64 {
     x ^ (x >> 31)
 }
 
-/// The ascending union of two ascending selections, and where the entries of each are in it.
+/// The ascending union of two ascending selections, and the positions of each selection's entries
+/// in it.
 pub fn union(a: &[u32], b: &[u32]) -> (Vec<u32>, [Vec<u32>; 2]) {
     let mut all: Vec<u32> = a.iter().chain(b).copied().collect();
     all.sort_unstable();
@@ -38,11 +41,12 @@ pub fn union(a: &[u32], b: &[u32]) -> (Vec<u32>, [Vec<u32>; 2]) {
     (all, within)
 }
 
-/// States of selected particles, in the order of their selection. Arrays have equal length, except that those of the deformation are
-/// empty where nothing that is recorded needs it. Particles that sources have yet to bring are left out.
+/// States of selected particles, in the order of their selection. Arrays have equal length, except
+/// that those of the deformation are empty where nothing that is recorded needs it. Particles that
+/// sources have yet to emit are left out.
 #[derive(Clone, Debug, Default)]
 pub struct Excerpt {
-    /// Particles of the selection, those to come included.
+    /// Number of particles in the selection, including those yet to be emitted.
     pub selected: usize,
     deformation: bool,
     /// Position (m).
@@ -57,7 +61,7 @@ pub struct Excerpt {
 }
 
 impl Excerpt {
-    /// Room for a selection, with or without its deformation.
+    /// An empty excerpt with room for a selection, with or without its deformation.
     pub fn of(selection: &[u32], deformation: bool) -> Self {
         let n = selection.len();
         let deformed = if deformation { n } else { 0 };
@@ -72,7 +76,8 @@ impl Excerpt {
         }
     }
 
-    /// Takes those of the selection that are in a part of the particles, which starts with the particle `first`. Parts come in order.
+    /// Takes the selected particles from a part of all particles, which starts with the particle
+    /// `first`. Parts come in order.
     pub fn take(&mut self, selection: &[u32], first: usize, part: &Particles) {
         for &id in &selection[self.x.len()..] {
             let at = id as usize - first;
@@ -89,7 +94,7 @@ impl Excerpt {
         }
     }
 
-    /// How many of a selection within this one are here.
+    /// How many of a selection within this one exist.
     pub fn present(&self, within: &[u32]) -> usize {
         within.partition_point(|&k| (k as usize) < self.x.len())
     }
@@ -115,7 +120,7 @@ mod tests {
         let (a, b) = (select(1_000, 40, 1), select(1_000, 25, 2));
         let (all, [in_a, in_b]) = union(&a, &b);
         let mut excerpt = Excerpt::of(&all, false);
-        // Of 1000 particles 700 are there, in parts of unequal length.
+        // 700 of 1000 particles exist, in parts of unequal length.
         for range in [0..1, 1..250, 250..251, 251..700] {
             let n = range.len();
             let part = Particles {

@@ -1,8 +1,10 @@
-//! Recordings: MCAP files with Foxglove's protobuf messages, their recovery after a crash, and pictures of frames.
+//! Recordings: MCAP files with Foxglove's protobuf messages, their recovery after a crash, and
+//! pictures of frames.
 //!
-//! A recording is written as `NAME.mcap.partial`, append-only, one frame after the other; each frame ends with its
-//! `/diagnostics` message and a closed chunk. Whatever is on disk up to the last closed frame can be made a valid, indexed
-//! file by adding an index behind it ([`snapshot`], [`recover`]). A finished recording is renamed to `NAME.mcap`.
+//! A recording is written as `NAME.mcap.partial`, append-only, one frame after the other. Each
+//! frame ends with its `/diagnostics` message and a closed chunk. What is on disk up to the last
+//! closed frame can be made a valid, indexed file by appending an index ([`snapshot`],
+//! [`recover`]). A finished recording is renamed to `NAME.mcap`.
 
 mod appearance;
 mod colliders;
@@ -37,20 +39,20 @@ pub enum RecordingError {
 }
 
 impl RecordingError {
-    /// Wraps an I/O error with what was being done, to which file.
+    /// Adds to an I/O error what was being done, and to which file.
     pub fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
         move |source| Self::Io { action, path: path.to_owned(), source }
     }
 }
 
-/// Where a recording is while it is being written: the target with `.partial` added to its name.
+/// Path of a recording that is being written: the target with `.partial` added to its name.
 pub fn partial_path(target: &Path) -> PathBuf {
     let mut name = target.as_os_str().to_owned();
     name.push(".partial");
     name.into()
 }
 
-/// Writes a whole file, which other processes see complete or not at all.
+/// Writes a whole file. Other processes see it complete or not at all.
 ///
 /// # Errors
 /// When the file cannot be written, synced or renamed.
@@ -60,12 +62,12 @@ pub fn write_file(target: &Path, bytes: &[u8]) -> Result<(), RecordingError> {
     publish(&partial, target)
 }
 
-/// Makes a written file durable and gives it its final name, in one step for every reader.
+/// Makes a written file durable and gives it its final name, atomically for every reader.
 fn publish(partial: &Path, target: &Path) -> Result<(), RecordingError> {
     let file = std::fs::File::open(partial).map_err(RecordingError::io("open", partial))?;
     file.sync_all().map_err(RecordingError::io("sync", partial))?;
     std::fs::rename(partial, target).map_err(RecordingError::io("rename", partial))?;
-    // The new name is durable once its directory is; only Unix can sync one.
+    // The new name is durable once its directory is synced; only Unix can sync a directory.
     #[cfg(unix)]
     {
         let directory = target.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));

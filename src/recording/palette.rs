@@ -1,4 +1,5 @@
-//! Colours of particles, the same in point clouds and pictures: a hue for each body, brighter where it moves fast.
+//! Colours of particles, the same in point clouds and pictures: a hue per body, brighter where it
+//! moves fast.
 
 use gridfall_core::sim::setup::{Material, Setup};
 
@@ -7,7 +8,7 @@ use crate::appearance::Appearance;
 /// Linear RGB, 0 to 1.
 pub type Rgb = [f32; 3];
 
-/// Hues (sRGB) for fluids and for solids, in the order in which a scene's bodies take them.
+/// Hues (sRGB) for fluids and for solids, in the order in which a scene's bodies use them.
 const FLUIDS: [[u8; 3]; 3] = [[0x16, 0x62, 0xb4], [0x10, 0x88, 0x90], [0x58, 0x4c, 0xc0]];
 const SOLIDS: [[u8; 3]; 7] = [
     [0xe8, 0x5d, 0x3a],
@@ -23,7 +24,8 @@ const SOLIDS: [[u8; 3]; 7] = [
 pub struct Palette {
     /// Base colour, colour at full speed, gloss.
     bodies: Vec<([Rgb; 2], f32)>,
-    /// Speed at which the second colour is reached (m/s); fixed for the run, so that colours do not flicker.
+    /// Speed at which the second colour is reached (m/s); fixed for the run, so that colours do not
+    /// flicker.
     full_speed_m_s: f64,
 }
 
@@ -48,7 +50,7 @@ impl Palette {
         std::array::from_fn(|k| base[k] + (fast[k] - base[k]) * t * t)
     }
 
-    /// How shiny a body is in pictures, 0 to 1.
+    /// How glossy a body is in pictures, 0 to 1.
     pub fn gloss(&self, body: u32) -> f32 {
         self.bodies[body as usize].1
     }

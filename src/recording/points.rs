@@ -11,7 +11,7 @@ use gridfall_core::material;
 use gridfall_core::maths::linalg::determinant;
 use gridfall_core::sim::setup::{OutputField, Setup};
 
-/// Which particles of an excerpt are recorded and how a point is laid out; the same for all frames.
+/// Which particles of an excerpt are recorded, and the layout of a point; the same for all frames.
 pub struct Points {
     /// Indices into excerpts, ascending.
     selected: Vec<u32>,
@@ -21,7 +21,7 @@ pub struct Points {
 }
 
 impl Points {
-    /// `selected`: which particles of an excerpt.
+    /// `selected` says which particles of an excerpt are recorded.
     pub fn new(setup: &Setup, appearance: &Appearance, selected: Vec<u32>) -> Self {
         let mut layout = Vec::new();
         let mut stride = 0;
@@ -33,7 +33,7 @@ impl Points {
         for field in &setup.fields {
             names(*field).iter().for_each(|name| add(name, NumericType::Float32, 4));
         }
-        // Viewers take these four names for the points' colours without being told.
+        // Viewers recognise these four names as the points' colours without being told.
         ["red", "green", "blue", "alpha"].iter().for_each(|name| add(name, NumericType::Uint8, 1));
         Self { selected, palette: Palette::new(setup, appearance), stride: stride as usize, layout }
     }

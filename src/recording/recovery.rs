@@ -1,6 +1,8 @@
-//! Makes valid recordings of unfinished ones: what is on disk up to the last complete frame, and a new index behind it.
+//! Makes valid recordings of unfinished ones: everything on disk up to the last complete frame,
+//! followed by a new index.
 //!
-//! Only record headers and the first chunk are read to build the index, so that a snapshot of a large recording is cheap.
+//! Only record headers and the first chunk are read to build the index, so a snapshot of a large
+//! recording is cheap.
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
@@ -13,7 +15,7 @@ use mcap::records::{self, Record, op};
 use super::{RecordingError, publish};
 
 const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
-/// Opcode and length before each record.
+/// Length of a record's head: opcode and length.
 const RECORD_HEAD: u64 = 9;
 
 /// A valid recording: the first `prefix` bytes of the unfinished file, then `tail`.
@@ -21,7 +23,7 @@ const RECORD_HEAD: u64 = 9;
 pub struct Snapshot {
     pub prefix: u64,
     pub tail: Vec<u8>,
-    /// Frames in it.
+    /// Number of frames.
     pub frames: u64,
 }
 
@@ -32,7 +34,7 @@ impl Snapshot {
     }
 }
 
-/// The recording so far, of a file that may still be growing.
+/// The recording so far, from a file that may still be growing.
 ///
 /// # Errors
 /// When the file cannot be read, or does not begin as a recording.
@@ -40,8 +42,9 @@ pub fn snapshot(partial: &Path) -> Result<Snapshot, RecordingError> {
     scan(partial, false)
 }
 
-/// Completes the recording that a dead process left in `partial`, in place, and gives it its final name `target`.
-/// Chunks whose checksum is wrong, and all after them, are cut off. Returns the number of frames.
+/// Completes in place the recording that a dead process left in `partial`, and gives it its final
+/// name `target`. The first chunk with a wrong checksum and everything after it are cut off.
+/// Returns the number of frames.
 ///
 /// # Errors
 /// When the file cannot be read or written, or does not begin as a recording.
@@ -70,17 +73,17 @@ fn scan(partial: &Path, verify: bool) -> Result<Snapshot, RecordingError> {
     Ok(contents.into_snapshot())
 }
 
-/// What the index of a recording says.
+/// Contents of the index of a recording.
 #[derive(Default)]
 struct Contents {
-    /// Where the last complete frame ends; 0 as long as not even the file's header is complete.
+    /// Where the last complete frame ends; 0 until the file's header is complete.
     end: u64,
     schemas: BTreeMap<u16, (records::SchemaHeader, Vec<u8>)>,
     channels: BTreeMap<u16, records::Channel>,
     chunks: Vec<(records::ChunkIndex, BTreeMap<u16, u64>)>,
     attachments: Vec<records::AttachmentIndex>,
     metadata: Vec<records::MetadataIndex>,
-    /// How many chunks lie before `end`.
+    /// Number of chunks before `end`.
     chunks_kept: usize,
 }
 
@@ -110,12 +113,12 @@ impl Contents {
         Ok(())
     }
 
-    /// Takes in a complete record; false where the data ends.
+    /// Indexes a complete record. Returns false where the data ends.
     fn record(&mut self, file: &mut impl Read, code: u8, offset: u64, size: u64, verify: bool) -> io::Result<bool> {
         let end = offset + RECORD_HEAD + size;
         let mut body = vec![];
         let partly = code == op::CHUNK && !verify && !self.channels.is_empty();
-        // A chunk's header alone is 40 bytes and the name of the compression.
+        // A chunk's header is 40 bytes and the name of the compression.
         file.take(if partly { size.min(64) } else { size }).read_to_end(&mut body)?;
         match code {
             op::HEADER => self.keep(end),
@@ -133,8 +136,8 @@ impl Contents {
                 chunk.message_index_offsets.insert(index.channel_id, offset);
                 chunk.message_index_length += end - offset;
                 counts.insert(index.channel_id, index.records.len() as u64);
-                // Each frame ends with its diagnostics, in a chunk of its own or in the frame's last one, and theirs is the
-                // last of the indexes behind a chunk.
+                // Each frame ends with its diagnostics, in a chunk of their own or in the frame's
+                // last one, and their index is the last one after the chunk.
                 if Some(index.channel_id) == self.diagnostics_channel() {
                     self.keep(end);
                 }
@@ -171,7 +174,7 @@ impl Contents {
         self.chunks_kept = self.chunks.len();
     }
 
-    /// Takes schemas and channels from a chunk; none if its content is damaged.
+    /// Reads schemas and channels from a chunk. Returns `None` if its content is damaged.
     fn read_chunk(&mut self, body: &[u8]) -> Option<records::ChunkHeader> {
         let Ok(Record::Chunk { header, data }) = mcap::parse_record(op::CHUNK, body) else { return None };
         for record in mcap::read::ChunkReader::new(header.clone(), &data).ok()? {
@@ -244,10 +247,10 @@ impl Contents {
     }
 }
 
-/// The records behind the data.
+/// The records after the data.
 struct Tail {
     bytes: Vec<u8>,
-    /// Where in the file they begin.
+    /// Their offset in the file.
     start: u64,
 }
 
@@ -266,7 +269,7 @@ impl Tail {
         self.record(code, &[&encoded(record)]);
     }
 
-    /// Writes records of one kind; says where they are, if there are any.
+    /// Writes records of one kind. Returns their location, if there are any.
     fn group<T>(
         &mut self,
         code: u8,

@@ -1,4 +1,4 @@
-//! Runs a problem on an engine from the first frame to the last, and keeps what it produces.
+//! Runs a problem on an engine from the first frame to the last, and writes its results.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -22,9 +22,10 @@ pub struct Outputs {
     pub recording: PathBuf,
     /// A picture of the last frame (PNG).
     pub thumbnail: Option<PathBuf>,
-    /// The diagnostics (CSV), a line as soon as a frame is done.
+    /// The diagnostics (CSV); each line is written as soon as its frame is done.
     pub diagnostics: Option<PathBuf>,
-    /// The steps of the implicit integrator (CSV), written with their frame; no more than the header for an explicit run.
+    /// The steps of the implicit integrator (CSV), written with their frame. An explicit run leaves
+    /// only the header.
     pub solver: Option<PathBuf>,
 }
 
@@ -44,11 +45,12 @@ pub struct FrameReport<'a> {
 
 /// Follows a run, and may stop it through [`Control::canceled`].
 pub trait Observer: Control {
-    /// Called after each frame, frame 0 included, once it is in the recording; from another thread than the caller's.
+    /// Called after each frame, frame 0 included, once it is in the recording. The calling thread
+    /// is not the one that started the run.
     fn frame(&self, _report: &FrameReport) {}
 }
 
-/// What a run did.
+/// The result of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
     /// Frames in the recording, frame 0 included.
@@ -77,11 +79,11 @@ impl RunError {
     }
 }
 
-/// Simulates all frames of `problem`, which `engine` has loaded, and records each. `scene_json` is the scene's document, which goes
-/// into the recording.
+/// Simulates all frames of `problem`, which `engine` has loaded, and records each. `scene_json` is
+/// the scene's document, which goes into the recording.
 ///
-/// The recording is valid whatever happens: a run that fails or is canceled keeps the frames it has, and its recording and
-/// picture get their final names as those of a complete run do.
+/// The recording is valid whatever happens. A run that fails or is canceled keeps the frames it
+/// has, and its recording and picture get their final names as those of a complete run do.
 ///
 /// # Errors
 /// The engine's error (cancellation among them), or that of a file that cannot be written.
@@ -99,7 +101,8 @@ pub fn run(
     outcome.and(kept)
 }
 
-/// Simulates the frame after frame boundary `frame`: what sources emit then, and all particles' motion.
+/// Simulates the frame after frame boundary `frame`: what sources emit then, and the motion of all
+/// particles.
 pub fn advance(
     setup: &Setup,
     engine: &mut dyn Engine,
@@ -113,28 +116,28 @@ pub fn advance(
     engine.advance_frame(setup.frame_s, control)
 }
 
-/// What is kept of a frame: all that leaves the engine's thread.
+/// What is kept of a frame. Nothing else leaves the engine's thread.
 struct Frame {
     row: Row,
     solves: Vec<Solve>,
-    /// Of the writer's selection.
+    /// Excerpt of the writer's selection.
     excerpt: Excerpt,
-    /// Of the picture's, in the last frame.
+    /// Excerpt of the picture's selection, in the last frame.
     still: Option<Excerpt>,
 }
 
 /// Selections of particles, by index in sampling order.
 struct Wanted {
     recorded: Vec<u32>,
-    /// In the last frame; empty without a picture.
+    /// Used in the last frame; empty without a picture.
     still: Vec<u32>,
 }
 
-/// Parts in which a frame's particles leave the engine.
+/// Number of parts in which a frame's particles leave the engine.
 const PARTS: usize = 16;
 
 impl Frame {
-    /// Measures the frame that the engine stands at and takes the excerpts that are wanted.
+    /// Measures the engine's current frame and takes the excerpts that are wanted.
     fn take(
         setup: &Setup,
         engine: &mut dyn Engine,
@@ -161,7 +164,7 @@ impl Frame {
     }
 }
 
-/// Computes all frames and hands each over, until `take` refuses one.
+/// Computes all frames and passes each to `take`, until it refuses one.
 fn step(
     setup: &Setup,
     engine: &mut dyn Engine,
@@ -203,12 +206,13 @@ impl Table {
     }
 }
 
-/// What is to be said of a frame with implicit steps that did not come down to the tolerance.
+/// The warning about a frame with implicit steps that did not converge to the tolerance.
 fn unconverged(solves: &[Solve], tolerance: f64) -> Option<String> {
     let failed = || solves.iter().filter(|solve| !solve.converged);
     let worst = failed().max_by(|a, b| a.residual.total_cmp(&b.residual))?;
     Some(format!(
-        "{} of {} implicit steps did not converge to {tolerance:e}: at worst the step to t = {:.6} s, with a residual of {:.1e} after {} iterations",
+        "{} of {} implicit steps did not converge to {tolerance:e}: at worst the step to t = {:.6} s, \
+         with a residual of {:.1e} after {} iterations",
         failed().count(),
         solves.len(),
         worst.time_s,
@@ -225,7 +229,7 @@ struct Keeper<'a> {
     csv: Option<Table>,
     solver: Option<Table>,
     summary: Summary,
-    /// For the picture.
+    /// Used for the picture.
     last: Option<Excerpt>,
 }
 
@@ -251,7 +255,8 @@ impl<'a> Keeper<'a> {
         Ok(Self { setup, appearance, writer, csv, solver, summary: Summary::default(), last: None })
     }
 
-    /// Steps and measures on this thread; records each frame on another while the next one is computed.
+    /// Steps and measures on this thread. Each frame is recorded on another thread while the next
+    /// one is computed.
     fn simulate(
         &mut self,
         engine: &mut dyn Engine,
@@ -261,7 +266,7 @@ impl<'a> Keeper<'a> {
         let setup = self.setup;
         let still = if out.thumbnail.is_some() { thumbnail_selection(setup) } else { Vec::new() };
         let wanted = Wanted { recorded: self.writer.wanted().to_vec(), still };
-        // Without a buffer: excerpts of two frames are in memory at most.
+        // Unbuffered, so that excerpts of at most two frames are in memory.
         let (sender, receiver) = mpsc::sync_channel(0);
         let keeper = &mut *self;
         let (stepped, kept) = thread::scope(|scope| {
@@ -311,7 +316,7 @@ impl<'a> Keeper<'a> {
         Ok(())
     }
 
-    /// Completes all files, whether the run was complete or not.
+    /// Completes all files, whether or not the run was complete.
     fn finish(mut self, out: &Outputs, failure: Option<&RunError>) -> Result<Summary, RunError> {
         let Summary { frames_written, steps, time_s } = self.summary;
         let (status, severity, message) = match failure {

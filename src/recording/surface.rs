@@ -1,4 +1,5 @@
-//! Triangles of a signed distance field: surface nets (Gibson 1998), one vertex for each cell that the surface crosses.
+//! Triangle meshes of signed distance fields: surface nets (Gibson 1998), with one vertex for each
+//! cell that the surface crosses.
 
 use rayon::prelude::*;
 
@@ -12,7 +13,7 @@ pub struct Mesh {
 
 /// Meshes the zero surface of `distance` in a box with `resolution` cells along its longest side.
 ///
-/// The box is a boundary too: what the solid has beyond it is cut off and closed.
+/// The box is a boundary too: parts of the solid outside it are cut off, and the cut is closed.
 pub fn mesh(distance: impl Fn([f64; 3]) -> f64 + Sync, lower: [f64; 3], upper: [f64; 3], resolution: usize) -> Mesh {
     let extent: [f64; 3] = std::array::from_fn(|a| upper[a] - lower[a]);
     let h = extent.into_iter().fold(0.0, f64::max) / resolution as f64;
@@ -70,7 +71,7 @@ pub fn mesh(distance: impl Fn([f64; 3]) -> f64 + Sync, lower: [f64; 3], upper: [
     mesh
 }
 
-/// Mean of the points where the surface crosses a unit cell's edges; none if it does not.
+/// Mean of the points where the surface crosses a unit cell's edges; `None` if it crosses none.
 fn crossing(sample: impl Fn([usize; 3]) -> f64) -> Option<[f64; 3]> {
     let mut sum = [0.0; 3];
     let mut count = 0.0;
@@ -111,7 +112,7 @@ mod tests {
         let mesh = mesh(torus, [-1.3, -1.3, -0.3], [1.3, 1.3, 0.3], 64);
         let exact = 2.0 * std::f64::consts::PI.powi(2) * 0.09;
         assert!((volume(&mesh) / exact - 1.0).abs() < 0.02, "{} against {exact}", volume(&mesh));
-        // Euler's characteristic of a torus is 0: V - E + F with E = 3F/2.
+        // The Euler characteristic of a torus is 0: V - E + F with E = 3F/2.
         assert_eq!(mesh.vertices.len() * 2, mesh.triangles.len());
         assert!(mesh.vertices.iter().all(|&v| torus(v).abs() < 0.01));
     }

@@ -24,24 +24,25 @@ use gridfall_core::sim::diagnostics::{Row, SolverRow};
 use gridfall_core::sim::setup::Setup;
 use gridfall_engine::Backend;
 
-/// Coordinate frame of all that stands still.
+/// Coordinate frame of everything that does not move.
 pub const WORLD: &str = "world";
 
-/// Chunks are closed at the end of each frame and, inside large ones, at this size (bytes).
+/// Chunks are closed at the end of each frame and, inside large frames, at this size (bytes).
 const CHUNK_BYTES: u64 = 1 << 20;
-/// zstd's output is the same for every number of threads but zero, so this may differ from machine to machine.
+/// zstd's output is the same for every number of threads except zero, so this may differ between
+/// machines.
 const COMPRESSION_THREADS: u32 = 2;
 
 /// What a recording says about its run, before the first frame.
 pub struct Header<'a> {
     pub setup: &'a Setup,
     pub appearance: &'a Appearance,
-    /// The scene document, attached as it is.
+    /// The scene document, attached unchanged.
     pub scene_json: &'a str,
     pub backend: &'a Backend,
 }
 
-/// How much a line of the log matters.
+/// Severity of a line of the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Severity {
     Info,
@@ -66,11 +67,11 @@ pub struct Writer {
     target: PathBuf,
     partial: PathBuf,
     channels: Channels,
-    /// Indices of the particles that frames are written with, ascending.
+    /// Indices of the particles that are recorded, ascending.
     wanted: Vec<u32>,
     points: Points,
     camera: Camera,
-    /// Sequence number and time (ns) of the frame that was written last.
+    /// Sequence number and time (ns) of the last frame written.
     now: (u32, u64),
     /// Colliders in the last scene that was sent.
     present: Option<Vec<bool>>,
@@ -79,7 +80,8 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Starts the recording that will be `target`, in `target`'s [`partial_path`]; replaces what is there.
+    /// Starts the recording that will become `target`, in `target`'s [`partial_path`]. Replaces
+    /// what is there.
     ///
     /// # Errors
     /// When the file cannot be created or written.
@@ -92,7 +94,8 @@ impl Writer {
         let points = Points::new(setup, header.appearance, in_points);
         let camera = Camera::film(setup, header.appearance, in_film);
         let start = || -> Result<_, McapError> {
-            // Without seeking the file only ever grows, so that its prefixes can be read while it is written.
+            // Without seeking the file only grows, so that its prefixes can be read while it is
+            // written.
             let options = WriteOptions::new()
                 .library(format!("gridfall {}", provenance::VERSION))
                 .chunk_size(Some(CHUNK_BYTES))
@@ -134,7 +137,8 @@ impl Writer {
         &self.wanted
     }
 
-    /// Adds a frame and the implicit steps that led to it. When this returns, the frame has been handed to the operating system and survives this process.
+    /// Adds a frame and the implicit steps that led to it. When this returns, the operating system
+    /// has the frame, and it survives the death of this process.
     ///
     /// # Errors
     /// When the file cannot be written.
@@ -171,12 +175,13 @@ impl Writer {
         };
         self.message(self.channels.camera, &image)?;
         self.write_log()?;
-        // The last message of a frame: recovery takes a frame for complete when it finds this one.
+        // The last message of a frame. Recovery takes a frame as complete when it finds this
+        // message.
         self.bytes(self.channels.diagnostics, &diagnostics::encode(row))?;
         self.mcap.flush().map_err(|source| self.error(source))
     }
 
-    /// Adds a line to `/log`: it goes with the next frame, or with the end of the recording.
+    /// Adds a line to `/log`. It goes with the next frame, or with the end of the recording.
     pub fn log(&mut self, severity: Severity, message: String) {
         let level = match severity {
             Severity::Info => Level::Info,
@@ -195,7 +200,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Completes the recording, in the way `result` says, and gives it its final name.
+    /// Completes the recording as `result` says, and gives it its final name.
     ///
     /// # Errors
     /// When the file cannot be written, synced or renamed.
@@ -240,7 +245,7 @@ fn add_channels(mcap: &mut mcap::Writer<NoSeek<BufWriter<File>>>) -> Result<Chan
         log: add_foxglove("/log", schema::<Log>())?,
         camera: add_foxglove("/camera", schema::<CompressedImage>())?,
         solver: add("/solver", diagnostics::SOLVER_SCHEMA_NAME, &diagnostics::schema())?,
-        // The largest id, so that its index is the last one behind a chunk; see `recovery`.
+        // The largest id, so that its index is the last one after a chunk; see `recovery`.
         diagnostics: add("/diagnostics", diagnostics::SCHEMA_NAME, &diagnostics::schema())?,
     })
 }

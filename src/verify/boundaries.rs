@@ -1,5 +1,5 @@
-//! Bodies whose boundaries, corners and fragments have few neighbours: what a step from the speed of sound alone does to them,
-//! and what the planned step does.
+//! Bodies whose boundaries, corners and fragments have few neighbours: how they respond to a step
+//! from the speed of sound alone, and to the planned step.
 
 use serde_json::{Value, json};
 
@@ -13,10 +13,11 @@ use gridfall_core::sim::setup::{Kernel, Problem, Transfer};
 use gridfall_core::sim::timestep::{elastic_bounds_s, moduli};
 use gridfall_engine::{EngineError, NoControl};
 
-/// What the paper runs.
+/// The scheme of the paper.
 const PAPER: Scheme = Scheme::new(2, Kernel::Quadratic, Transfer::Apic);
 
-/// Largest speed over the largest initial one, in `time_s` seconds at steps of `dt_s`; infinite once it runs away.
+/// Largest speed relative to `reference_m_s`, over `time_s` seconds at steps of `dt_s`; infinite if
+/// it grows without bound.
 fn forced_growth(problem: &Problem, dt_s: f64, time_s: f64, reference_m_s: f64) -> f64 {
     let mut simulation = Forced::new(problem, dt_s);
     let mut largest = 0.0f64;
@@ -43,7 +44,8 @@ fn planned_growth(session: &Session, problem: &Problem, time_s: f64, reference_m
     Ok(largest)
 }
 
-/// Steps (s) of Courant number 1 by the speed of P waves, and of the single-particle bound, for a problem of one material.
+/// Steps (s) of Courant number 1 by the speed of P waves, and of the single-particle bound, for a
+/// problem with one material.
 fn steps_s(problem: &Problem) -> (f64, f64) {
     let body = &problem.setup.bodies[0];
     let (lambda, mu, _) = moduli(&problem.setup.materials[body.material]);
@@ -51,7 +53,7 @@ fn steps_s(problem: &Problem) -> (f64, f64) {
     (problem.setup.dx * (rho / (lambda + 2.0 * mu)).sqrt(), elastic_bounds_s(&problem.setup, lambda, mu, rho).1)
 }
 
-/// Keeps the particles of a problem of one body for which `kept` says so (index, position).
+/// Keeps the particles of a problem with one body that satisfy `kept` (index, position).
 fn prune(problem: &mut Problem, kept: impl Fn(usize, [f64; 3]) -> bool) {
     let all = std::mem::take(&mut problem.particles);
     let chosen: Vec<usize> = (0..all.len()).filter(|&p| kept(p, all.x[p])).collect();
@@ -68,14 +70,16 @@ fn prune(problem: &mut Problem, kept: impl Fn(usize, [f64; 3]) -> bool) {
 
 pub const SPINNING_DISK: Case = Case {
     name: "spinning-disk",
-    claim: "a disk, its rim and single particles of the rim blow up at the paper's Courant numbers and not at the planned step",
+    claim: "a disk, its rim and single particles of the rim blow up at the paper's Courant numbers and not at the \
+            planned step",
     source: "Bai & Schroeder, Fig. 2: 2D, r 0.3, E 1e3, ν 0.3, ω 0.4, neo-Hookean, APIC, quadratic",
     gpu: false,
     quick: true,
     run: spinning_disk,
 };
 
-/// The paper's disk: all of it, its outer 0.015, and every fifth of these particles: alone on its nodes.
+/// The paper's disk: all of it, its outer 0.015, and every fifth of these particles, each alone on
+/// its nodes.
 #[derive(Clone, Copy)]
 enum Disk {
     Full,
@@ -83,10 +87,10 @@ enum Disk {
     Sparse,
 }
 
-/// A step to force.
+/// A prescribed step.
 #[derive(Clone, Copy)]
 enum Step {
-    /// By the speed of P waves.
+    /// Courant number by the speed of P waves.
     Courant(f64),
     /// Share of the single-particle bound.
     SingleParticle(f64),
@@ -120,7 +124,8 @@ fn spinning_disk(session: &mut Session) -> Result<(), EngineError> {
     let grows = (Rule::AtLeast, 10.0, 0.0);
     let rests = (Rule::AtMost, 2.0, 0.0);
     let (quantity, time_s) = ("largest speed / initial", 100.0);
-    // Part, Courant number or share of the single-particle bound, what comes of it, and whether the quick run has it.
+    // Part, Courant number or share of the single-particle bound, expected outcome, and whether the
+    // quick run includes it.
     let forced = [
         ("rim", Disk::Rim, Step::Courant(0.9), grows, true),
         ("single particles", Disk::Sparse, Step::Courant(0.7), grows, true),
@@ -165,7 +170,7 @@ pub const COLLISIONS: Case = Case {
     run: collisions,
 };
 
-/// Name, scene, what a speed is measured against (m/s), time (s).
+/// Name, scene, reference speed (m/s), time (s).
 fn scenes() -> Vec<(&'static str, Value, f64, f64)> {
     let dx = 1.0 / 32.0;
     let at = |x: [f64; 3]| x.map(|c| c * dx);
@@ -184,19 +189,26 @@ fn scenes() -> Vec<(&'static str, Value, f64, f64)> {
         })
     };
     let block = json!({
-        "domain": { "min": [0, 0, 0], "max": at([24.0, 24.0, 24.0]), "dx": dx, "boundary": { "z-": { "contact": "separate", "friction": 0.3 } } },
+        "domain": { "min": [0, 0, 0], "max": at([24.0, 24.0, 24.0]), "dx": dx,
+                    "boundary": { "z-": { "contact": "separate", "friction": 0.3 } } },
         "gravity": [0, 0, -0.3],
         "materials": material,
         "bodies": [
-            { "name": "block", "material": "jelly", "shape": { "box": { "min": at([7.0, 7.0, 0.0]), "max": at([17.0, 17.0, 8.0]) } } },
-            { "name": "ball", "material": "jelly", "velocity": [0, 0, -0.2], "shape": { "sphere": { "center": at([12.3, 12.2, 15.0]), "radius": 4.0 * dx } } },
+            { "name": "block", "material": "jelly",
+              "shape": { "box": { "min": at([7.0, 7.0, 0.0]), "max": at([17.0, 17.0, 8.0]) } } },
+            { "name": "ball", "material": "jelly", "velocity": [0, 0, -0.2],
+              "shape": { "sphere": { "center": at([12.3, 12.2, 15.0]), "radius": 4.0 * dx } } },
         ],
     });
     let wedge = json!({
-        "domain": { "min": [0, 0, 0], "max": at([32.0, 32.0, 32.0]), "dx": dx, "boundary": { "x": { "contact": "separate" }, "y": { "contact": "separate" }, "z": { "contact": "separate" } } },
+        "domain": { "min": [0, 0, 0], "max": at([32.0, 32.0, 32.0]), "dx": dx,
+                    "boundary": { "x": { "contact": "separate" }, "y": { "contact": "separate" },
+                                  "z": { "contact": "separate" } } },
         "materials": material,
-        "bodies": [ { "name": "sphere", "material": "jelly", "velocity": [0, 0, -0.8], "shape": { "sphere": { "center": at([16.2, 16.1, 22.0]), "radius": 6.0 * dx } } } ],
-        "colliders": [ { "name": "post", "contact": "separate", "shape": { "box": { "min": at([14.5, 0.0, 0.0]), "max": at([17.5, 32.0, 14.0]) } } } ],
+        "bodies": [ { "name": "sphere", "material": "jelly", "velocity": [0, 0, -0.8],
+                      "shape": { "sphere": { "center": at([16.2, 16.1, 22.0]), "radius": 6.0 * dx } } } ],
+        "colliders": [ { "name": "post", "contact": "separate",
+                         "shape": { "box": { "min": at([14.5, 0.0, 0.0]), "max": at([17.5, 32.0, 14.0]) } } } ],
     });
     vec![
         ("filled balls", shells(0.0), 0.2, 3.0),

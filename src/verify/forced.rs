@@ -1,4 +1,4 @@
-//! The CPU's stages at a step of one's own, stable or not.
+//! The CPU's stages at a prescribed step, stable or not.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -8,12 +8,12 @@ use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::{Problem, Transfer};
 use gridfall_engine::explicit::cpu::{NodeState, Stages, stages};
 
-/// A simulation at a fixed step, without the guards of the engine.
+/// A simulation at a fixed step, without the engine's guards.
 pub struct Forced {
     stages: Box<dyn Stages>,
     dt_s: f64,
     time_s: f64,
-    /// Keep the nodes of each step.
+    /// Whether to keep the nodes of each step.
     watched: bool,
     nodes: Vec<NodeState>,
 }
@@ -26,14 +26,15 @@ impl Forced {
         Self { stages, dt_s, time_s: 0.0, watched: false, nodes: Vec::new() }
     }
 
-    /// Keeps the nodes of every step, as they are after its grid update.
+    /// Keeps the nodes of every step as they are after its grid update.
     pub fn watch_nodes(mut self) -> Self {
         self.watched = true;
         self
     }
 
-    /// One step. Returns the largest speed (m/s) after it; infinite once a particle has moved a cell in a step, left the
-    /// domain, or has no speed at all. Nothing can be stepped further then.
+    /// One step. Returns the largest speed (m/s) after it. The result is infinite once a particle
+    /// has moved a cell in a step, has left the domain, or has no finite speed. The simulation
+    /// cannot continue after that.
     pub fn step(&mut self) -> f64 {
         self.stages.grid_update(self.dt_s, self.time_s);
         if self.watched {
@@ -59,7 +60,7 @@ impl Forced {
         self.dt_s
     }
 
-    /// Nodes of the last step, if watched.
+    /// Nodes of the last step, if they are watched.
     pub fn nodes(&self) -> &[NodeState] {
         &self.nodes
     }
@@ -69,7 +70,8 @@ impl Forced {
     }
 }
 
-/// Adds noise, uniform in ±`size` of each unit, to v (m/s), C (1/s) and F of every particle. Seeded.
+/// Adds noise, uniform in ±`size` of each unit, to v (m/s), C (1/s) and F of every particle.
+/// Seeded.
 pub fn add_noise(problem: &mut Problem, size: f64, seed: u64) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let d = problem.setup.dimension;

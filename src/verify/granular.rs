@@ -1,4 +1,4 @@
-//! Collapse of a granular column: how far it runs, against experiments.
+//! Collapse of a granular column: its run-out against experiments.
 
 use serde_json::json;
 
@@ -34,25 +34,27 @@ fn granular_column(session: &mut Session) -> Result<(), EngineError> {
                 session,
                 scheme,
                 json!({
-                    // The lower left corner is where the column stands; the left wall is smooth, the floor holds.
-                    "domain": { "min": [0, 0], "max": [(1.0 + (2.0 * aspect).ceil()) * width + 8.0 * dx, (aspect.ceil() + 0.5) * width],
+                    // The column stands in the lower left corner. The left wall is smooth; the
+                    // floor holds.
+                    "domain": { "min": [0, 0], "max": [(1.0 + (2.0 * aspect).ceil()) * width + 8.0 * dx,
+                                                        (aspect.ceil() + 0.5) * width],
                                 "dx": dx, "boundary": { "x": slip, "y+": slip } },
                     "gravity": [0, -9.81],
-                    "materials": { "sand": { "model": "drucker-prager", "density": 1600, "youngs_modulus": 1e6, "poissons_ratio": 0.3,
-                                             "friction_angle_degrees": 31 } },
+                    "materials": { "sand": { "model": "drucker-prager", "density": 1600, "youngs_modulus": 1e6,
+                                             "poissons_ratio": 0.3, "friction_angle_degrees": 31 } },
                     "bodies": [ { "name": "column", "material": "sand",
                                   "shape": { "box": { "min": [0, 0], "max": [width, aspect * width] } } } ],
                 }),
             );
             let mut engine = session.engine(&problem)?;
-            // At rest after about three times sqrt(h / g).
+            // It comes to rest after about three times sqrt(h / g).
             let end_s = 5.0 * (aspect * width / 9.81).sqrt();
             for _ in 0..20 {
                 engine.advance_frame(end_s / 20.0, &NoControl)?;
             }
             let mut reach: Vec<f64> = engine.snapshot()?.x.iter().map(|x| x[0]).collect();
             reach.sort_by(f64::total_cmp);
-            // Without grains that jumped ahead.
+            // Without the grains that jumped ahead.
             let front = reach[reach.len() * 99 / 100];
             runout.push((front - width) / width);
             let rule = (Rule::Relative, 1.2 * aspect, 0.25);

@@ -1,4 +1,4 @@
-//! The implicit engine against what implicit Euler is known to do, beam theory, and the explicit engine.
+//! The implicit engine against the theory of implicit Euler, beam theory, and the explicit engine.
 
 use std::f64::consts::PI;
 
@@ -13,11 +13,11 @@ use gridfall_core::sim::setup::{Integrator, Kernel, Problem, Transfer};
 use gridfall_engine::implicit::ImplicitEngine;
 use gridfall_engine::{Engine, EngineError, NoControl};
 
-/// MLS with the kernels that the paper and this build solve implicitly.
+/// MLS with the kernels that both the paper and this build support implicitly.
 const SCHEMES: [Scheme; 2] =
     [Scheme::new(2, Kernel::Quadratic, Transfer::Mls), Scheme::new(2, Kernel::Compact, Transfer::Mls)];
 
-/// ε of the solves: what is measured is the integrator, not where its solver stops.
+/// ε of the solves: small, so that the integrator is measured and not the solver's stopping point.
 const TOLERANCE: f64 = 1e-9;
 
 fn implicitly(mut problem: Problem) -> Problem {
@@ -26,7 +26,8 @@ fn implicitly(mut problem: Problem) -> Problem {
     problem
 }
 
-/// A bar of E = 1e5 Pa, ν = 0 in its first longitudinal mode, at `speed` of the waves' at its ends; the mode by place, and ω (1/s).
+/// A bar of E = 1e5 Pa, ν = 0 in its first longitudinal mode, with a speed at its ends of `speed`
+/// times that of the waves; its ω is in 1/s.
 struct Bar {
     problem: Problem,
     low: f64,
@@ -58,7 +59,7 @@ impl Bar {
         Self { problem, low, length, omega: wave * waves }
     }
 
-    /// Σ v_x over the mode at the places at rest.
+    /// Σ v_x weighted by the mode at the rest positions.
     fn amplitude(&self, particles: &Particles) -> f64 {
         let mode = |x: &Vec3| (PI * (x[0] - self.low) / self.length).cos();
         particles.v.iter().zip(&self.problem.particles.x).map(|(v, x)| v[0] * mode(x)).sum()
@@ -68,7 +69,8 @@ impl Bar {
 pub const IMPLICIT_BAR: Case = Case {
     name: "implicit-bar",
     claim: "a free bar swings with the period, and loses the amplitude, that implicit Euler gives its first mode",
-    source: "x'' = -ω² x by implicit Euler: T = 2π dt/atan(ω dt), a factor of 1/sqrt(1 + ω² dt²) a step; ω = π sqrt(E/ρ)/L",
+    source: "x'' = -ω² x by implicit Euler: T = 2π dt/atan(ω dt), a factor of 1/sqrt(1 + ω² dt²) a step; ω = π \
+             sqrt(E/ρ)/L",
     gpu: false,
     quick: true,
     run: implicit_bar,
@@ -106,7 +108,8 @@ fn implicit_bar(session: &mut Session) -> Result<(), EngineError> {
     Ok(())
 }
 
-/// Angle and factor a step of a damped swing a' = 2 r cos φ a − r² a_before, by least squares.
+/// Angle per step and factor per step of a damped oscillation a' = 2 r cos φ a − r² a_before, by
+/// least squares.
 fn damped_swing(a: &[f64]) -> (f64, f64) {
     let (mut m, mut rhs) = ([[0.0; 2]; 2], [0.0; 2]);
     for w in a.windows(3) {
@@ -153,7 +156,7 @@ fn implicit_convergence(session: &mut Session) -> Result<(), EngineError> {
             steps.push(f64::from(count));
             errors.push(error);
         }
-        // In longer steps the swing is damped beyond the first order.
+        // In longer steps the damping goes beyond the first order.
         for k in 3..errors.len() {
             let variant = format!("{scheme}, {} and {} steps", steps[k - 1], steps[k]);
             session.check(&variant, "ratio of errors", "", (Rule::Relative, 2.0, 0.1), errors[k - 1] / errors[k]);
@@ -166,7 +169,8 @@ fn implicit_convergence(session: &mut Session) -> Result<(), EngineError> {
 pub const IMPLICIT_CANTILEVER: Case = Case {
     name: "implicit-cantilever",
     claim: "a cantilever let go comes to rest, by implicit Euler's damping, at its deflection under its own weight",
-    source: "Timoshenko's beam, δ = q L⁴ / 8 E I + q L² / 2 κ G A = 0.368 + 0.012 m for 10 × 2 m (× 2 m), 100 MPa, 1000 kg/m³",
+    source: "Timoshenko's beam, δ = q L⁴ / 8 E I + q L² / 2 κ G A = 0.368 + 0.012 m for 10 × 2 m (× 2 m), 100 MPa, \
+             1000 kg/m³",
     gpu: false,
     quick: true,
     run: implicit_cantilever,
@@ -174,7 +178,8 @@ pub const IMPLICIT_CANTILEVER: Case = Case {
 
 fn implicit_cantilever(session: &mut Session) -> Result<(), EngineError> {
     let (young, gravity, length, side) = (1e8, 9.81, 10.0, 2.0);
-    // Three particles an axis, and two, whose lattice has the compact kernel's nodes exactly at the edge of their reach.
+    // Three particles per axis, and two. With two, some of the compact kernel's nodes lie exactly
+    // at the edge of the particles' reach.
     let mut variants: Vec<(Scheme, f64, u32)> = SCHEMES.iter().map(|&scheme| (scheme, 0.5, 9)).collect();
     if !session.quick() {
         variants.extend(SCHEMES.iter().flat_map(|&scheme| [(scheme, 0.25, 9), (scheme, 0.25, 4)]));
@@ -209,7 +214,7 @@ fn implicit_cantilever(session: &mut Session) -> Result<(), EngineError> {
             deflection.push(start - height(&engine.snapshot()?));
         }
         let (last, before) = (deflection[deflection.len() - 1], deflection[deflection.len() - 2]);
-        // A section's width cancels; ν = 0, κ = 5/6.
+        // The section's width cancels; ν = 0, κ = 5/6.
         let load = 1000.0 * gravity * side;
         let bending = load * f64::powi(length, 4) / (8.0 * young * f64::powi(side, 3) / 12.0);
         let shear = load * length * length / (2.0 * 5.0 / 6.0 * 0.5 * young * side);
@@ -247,10 +252,12 @@ fn implicit_yield(session: &mut Session) -> Result<(), EngineError> {
                 json!({
                     "domain": { "min": [0, 0], "max": [36.0 * dx, 18.0 * dx], "dx": dx },
                     "materials": { "metal": { "model": "von-mises", "density": 1000, "youngs_modulus": young,
-                                              "poissons_ratio": 0.3, "yield_stress": yield_stress, "elasticity": elasticity } },
+                                              "poissons_ratio": 0.3, "yield_stress": yield_stress,
+                                              "elasticity": elasticity } },
                     "bodies": [ { "name": "bar", "material": "metal", "particles_per_cell": 9,
                                   "shape": { "box": { "min": [low, bottom], "max": [high, top] } } } ],
-                    "colliders": [ grip("left", low - dx, low + 3.0 * dx, -0.1), grip("right", high - 3.0 * dx, high + dx, 0.1) ],
+                    "colliders": [ grip("left", low - dx, low + 3.0 * dx, -0.1),
+                                   grip("right", high - 3.0 * dx, high + dx, 0.1) ],
                 }),
             ));
             let mut engine = ImplicitEngine::new(&problem.setup, problem.particles.clone())?;
@@ -262,10 +269,11 @@ fn implicit_yield(session: &mut Session) -> Result<(), EngineError> {
                 strain.push(2.0 * 0.1 * frame_s * f64::from(frame) / free);
                 stress.push(pull.abs() / (top - bottom));
             }
-            // The section has shrunk by the strain, because flow keeps the volume.
+            // The section has shrunk by the strain, because plastic flow preserves volume.
             let last = stress.len() - 1;
             let (got, stretch) = (stress[last] * (1.0 + strain[last]), 2.0 / 3.0f64.sqrt() * yield_stress);
-            // A step's stretch is elastic until it ends: that much stress is beyond the surface.
+            // The stretch of a step is elastic until the step ends; that much stress lies outside
+            // the surface.
             let lag = young / (1.0 - 0.3 * 0.3) * strain[0];
             let variant = format!("{scheme}, {elasticity}");
             session.check(&variant, "stress while it flows", "Pa", (Rule::Relative, stretch + lag, 0.05), got);

@@ -1,4 +1,5 @@
-//! How the compact kernel behaves against the quadratic one: vibration on a sticky floor, contact across a gap.
+//! The compact kernel compared with the quadratic one: vibration on a sticky floor, contact across
+//! a gap.
 
 use serde_json::json;
 
@@ -14,7 +15,8 @@ const QUADRATIC: Scheme = Scheme::new(3, Kernel::Quadratic, Transfer::Mls);
 
 pub const STICKY_FLOOR: Case = Case {
     name: "sticky-floor",
-    claim: "a jelly cube dropped on a sticky floor stretches further and vibrates longer with the compact kernel than with the quadratic",
+    claim: "a jelly cube dropped on a sticky floor stretches further and vibrates longer with the compact kernel \
+            than with the quadratic",
     source: "CK-MPM section 6.2.2, Fig. 14",
     gpu: true,
     quick: false,
@@ -24,7 +26,8 @@ pub const STICKY_FLOOR: Case = Case {
 fn sticky_floor(session: &mut Session) -> Result<(), EngineError> {
     let dx = 1.0 / 48.0;
     let (frames, frame_s) = (192, 1.0 / 96.0);
-    // Height of the cube (m) at each frame, and the mechanical energy of its vibration in the second half.
+    // Height of the cube (m) at each frame, and the mechanical energy of its vibration in the
+    // second half.
     let run = |scheme: Scheme| -> Result<(Vec<f64>, f64), EngineError> {
         let problem = problem(
             session,
@@ -77,7 +80,8 @@ fn sticky_floor(session: &mut Session) -> Result<(), EngineError> {
 
 pub const HOLLOW_CYLINDER: Case = Case {
     name: "hollow-cylinder",
-    claim: "with the compact kernel a ball falls through a tube 1.25 and 1.5 dx wider; with the quadratic it sticks at 1.5 dx",
+    claim: "with the compact kernel a ball falls through a tube 1.25 and 1.5 dx wider; with the quadratic it sticks \
+            at 1.5 dx",
     source: "CK-MPM section 6.2.2, Fig. 13",
     gpu: true,
     quick: false,
@@ -99,7 +103,10 @@ fn hollow_cylinder(session: &mut Session) -> Result<(), EngineError> {
         ("quadratic_1.25_dx_m", QUADRATIC, 1.25, (Rule::AtMost, 0.25, 0.0)),
     ];
     for (name, scheme, gap, rule) in variants {
-        let tube = |radius: f64, height: f64| json!({ "cylinder": { "center": [middle, middle, 12.0 * dx], "radius": radius, "height": height * dx } });
+        let tube = |radius: f64, height: f64| {
+            json!({ "cylinder": { "center": [middle, middle, 12.0 * dx],
+                                  "radius": radius, "height": height * dx } })
+        };
         let problem = problem(
             session,
             scheme,
@@ -108,8 +115,10 @@ fn hollow_cylinder(session: &mut Session) -> Result<(), EngineError> {
                 "gravity": [0, 0, -9.81],
                 "materials": { "rubber": elastic("fixed-corotated", 1e6, 0.4) },
                 "bodies": [
-                    { "name": "ball", "material": "rubber", "shape": { "sphere": { "center": [middle, middle, 22.0 * dx], "radius": inner - gap * dx } } },
-                    { "name": "tube", "material": "rubber", "shape": { "difference": [ tube(inner + 2.0 * dx, 24.0), tube(inner, 30.0) ] } },
+                    { "name": "ball", "material": "rubber",
+                      "shape": { "sphere": { "center": [middle, middle, 22.0 * dx], "radius": inner - gap * dx } } },
+                    { "name": "tube", "material": "rubber",
+                      "shape": { "difference": [ tube(inner + 2.0 * dx, 24.0), tube(inner, 30.0) ] } },
                 ],
             }),
         );

@@ -1,7 +1,8 @@
 //! `gridfall verify`: named cases with a known answer, on the engines of this build.
 //!
-//! A case says what it claims and where the answer comes from, simulates, and reports rows of expected, got and tolerance.
-//! Cases with closed forms run on every engine; cases that force a step of their own run the CPU's stages.
+//! A case states its claim and the source of its answer, simulates, and reports rows of expected
+//! value, result and tolerance. Cases with closed forms run on every engine. Cases that prescribe
+//! their own step use the CPU's stages.
 
 mod boundaries;
 mod forced;
@@ -27,11 +28,11 @@ use gridfall_engine::choice::Devices;
 /// A claim about the simulation that can be checked.
 pub struct Case {
     pub name: &'static str,
-    /// What must hold, in a line.
+    /// What must hold, in one line.
     pub claim: &'static str,
     /// Where the expected values come from.
     pub source: &'static str,
-    /// Runs on the GPU as well; else it needs the CPU's stages.
+    /// Whether it runs on the GPU as well; otherwise it needs the CPU's stages.
     pub gpu: bool,
     /// Part of a quick run.
     pub quick: bool,
@@ -62,14 +63,15 @@ pub const CASES: &[Case] = &[
     kernels::HOLLOW_CYLINDER,
 ];
 
-/// What came of a run.
+/// Results of a run.
 #[derive(Debug, Default)]
 pub struct Outcome {
     pub rows: Vec<Row>,
     pub curves: Vec<Curve>,
 }
 
-/// Runs a case on each of the targets that it is for, if the extent has it. A simulation that ends in an error is a row that fails.
+/// Runs a case on each of its targets, if the extent includes it. A simulation that ends in an
+/// error is a failing row.
 pub fn run(case: &Case, devices: &Devices, targets: &[Target], extent: Extent, log: &dyn Fn(&str)) -> Outcome {
     let mut outcome = Outcome::default();
     for &target in targets {

@@ -1,4 +1,5 @@
-//! Elastic moduli from periods: waves through a periodic box, a free bar; and a cantilever under its own weight.
+//! Elastic moduli from periods of oscillation: waves through a periodic box, a free bar, and a
+//! cantilever under its own weight.
 
 use std::f64::consts::PI;
 
@@ -12,13 +13,13 @@ use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::{Kernel, Problem, Transfer};
 use gridfall_engine::{EngineError, NoControl};
 
-/// Three dimensions, which a GPU can run as well; the compact kernel alone in a quick run.
+/// Three dimensions, which a GPU can run as well; only the compact kernel in a quick run.
 fn schemes(session: &Session) -> Vec<Scheme> {
     if session.quick() {
         return vec![Scheme::new(3, Kernel::Compact, Transfer::Mls)];
     }
     let mut schemes = session.schemes(&[3]);
-    // PIC damps what is to swing.
+    // PIC damps the oscillation.
     schemes.retain(|scheme| scheme.transfer != Transfer::Pic);
     schemes
 }
@@ -119,7 +120,8 @@ fn free_bar(session: &mut Session) -> Result<(), EngineError> {
                 "domain": { "min": [0, 0, 0], "max": [length + 8.0 * dx, 12.0 * dx, 12.0 * dx], "dx": dx },
                 "materials": { "jelly": elastic("fixed-corotated", young, 0.3) },
                 "bodies": [ { "name": "bar", "material": "jelly",
-                              "shape": { "box": { "min": [low, low, low], "max": [low + length, 8.0 * dx, 8.0 * dx] } } } ],
+                              "shape": { "box": { "min": [low, low, low],
+                                                 "max": [low + length, 8.0 * dx, 8.0 * dx] } } } ],
             }),
         );
         let start = problem.particles.x.clone();
@@ -171,7 +173,7 @@ fn cantilever(session: &mut Session) -> Result<(), EngineError> {
                               "shape": { "box": { "min": [0, 1, 2.5], "max": [length, 3, 4.5] } } } ],
             }),
         );
-        // The tip's face: the last layer of particles, half a spacing from the end.
+        // The face of the tip: the last layer of particles, half a spacing from the end.
         let face: Vec<usize> =
             (0..problem.particles.len()).filter(|&p| problem.particles.x[p][0] > length - 0.5 * dx).collect();
         let height = |p: &Particles| face.iter().map(|&i| p.x[i][2]).sum::<f64>() / face.len() as f64;
@@ -179,7 +181,8 @@ fn cantilever(session: &mut Session) -> Result<(), EngineError> {
         let mut engine = session.engine(&problem)?;
         let frame_s = period / 60.0;
         let (mut time, mut deflection) = (vec![0.0], vec![0.0]);
-        // To the first return: the mean over one swing is the static deflection, whatever the period turns out to be.
+        // Until the first return. The mean over one oscillation is the static deflection, whatever
+        // the period turns out to be.
         let mut highest = 0.0f64;
         let returned = loop {
             engine.advance_frame(frame_s, &NoControl)?;

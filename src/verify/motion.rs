@@ -1,4 +1,5 @@
-//! What must be exact or conserved: free fall, momentum through a collision, angular momentum of a spinning rod.
+//! Motion that must be exact or conserved: free fall, momentum through a collision, angular
+//! momentum of a spinning rod.
 
 use serde_json::json;
 
@@ -46,7 +47,7 @@ fn free_fall(session: &mut Session) -> Result<(), EngineError> {
         let (mut now_s, mut fall) = (0.0, 0.0);
         for _ in 0..frames {
             let dt_s = engine.advance_frame(frame_s, &NoControl)?.dt_s;
-            // A frame's steps are equal: v after n steps is v0 + g n dt, x uses the new v.
+            // A frame's steps are equal: v after n steps is v0 + g n dt, and x uses the new v.
             fall += g[last] * (now_s * frame_s + 0.5 * frame_s * (frame_s + dt_s));
             now_s += frame_s;
         }
@@ -88,7 +89,8 @@ fn colliding_spheres(session: &mut Session) -> Result<(), EngineError> {
         (super::Extent::Full, Target::Gpu) => session.schemes(&[3]),
         (super::Extent::Full, Target::Cpu) => session.schemes(&[2, 3]),
     };
-    // The paper's spheres have a radius of 10 dx, dx = 1/256; ours are faster, so that fewer steps see the whole collision.
+    // The paper's spheres have a radius of 10 dx, dx = 1/256. Ours are faster, so that fewer steps
+    // cover the whole collision.
     let (dx, speed) = (1.0 / 256.0, 0.5);
     for scheme in schemes {
         let d = scheme.dimension;
@@ -179,13 +181,14 @@ fn rotating_rod(session: &mut Session) -> Result<(), EngineError> {
                 "domain": { "min": [0, 0, 0], "max": [reach, reach, 12.0 * dx], "dx": dx },
                 "materials": { "jelly": elastic("fixed-corotated", 1e6, 0.4) },
                 "bodies": [ { "name": "rod", "material": "jelly", "angular_velocity": [0, 0, 1.0 / half],
-                              "shape": { "cylinder": { "center": center, "axis": [0, 1, 0], "radius": 2.0 * dx, "height": 2.0 * half } } } ],
+                              "shape": { "cylinder": { "center": center, "axis": [0, 1, 0],
+                                                      "radius": 2.0 * dx, "height": 2.0 * half } } } ],
             }),
         );
         let spin = |row: &gridfall_core::sim::diagnostics::Row| {
             [row.angular_momentum_x, row.angular_momentum_y, row.angular_momentum_z]
         };
-        // About the origin, of a body whose centre rests.
+        // About the origin, for a body whose centre is at rest.
         let before = spin(&sums(&problem, &problem.particles));
         let mut engine = session.engine(&problem)?;
         let (mut worst, mut time, mut drift) = (0.0f64, Vec::new(), Vec::new());

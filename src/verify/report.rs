@@ -1,8 +1,8 @@
-//! What a case reports: rows of expected against got, and curves to plot.
+//! Results of a case: rows of expected value against result, and curves to plot.
 
 use serde::Serialize;
 
-/// How a value is compared with what is expected of it.
+/// How a value is compared with its expected value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Rule {
@@ -22,13 +22,13 @@ pub struct Row {
     pub case: &'static str,
     /// Engine and precision: `cpu f64` or `gpu f32`.
     pub engine: &'static str,
-    /// Kernel, transfer, material: what differs between rows of a case.
+    /// Kernel, transfer, material: what differs between the rows of a case.
     pub variant: String,
     pub quantity: String,
     pub unit: &'static str,
     pub rule: Rule,
     pub expected: f64,
-    /// Not a number (`null` in JSON) when the simulation did not get there.
+    /// Not a number (`null` in JSON) if the simulation did not get that far.
     pub got: f64,
     pub tolerance: f64,
     pub pass: bool,
@@ -38,7 +38,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// True if `got` obeys the rule; never for a value that is not a number.
+    /// True if `got` satisfies the rule; never for NaN.
     pub fn holds(rule: Rule, expected: f64, got: f64, tolerance: f64) -> bool {
         match rule {
             Rule::Relative => (got - expected).abs() <= tolerance * expected.abs(),
@@ -48,7 +48,7 @@ impl Row {
         }
     }
 
-    /// The tolerance as people write it.
+    /// The tolerance in readable form.
     pub fn tolerance_text(&self) -> String {
         match self.rule {
             Rule::Relative => format!("± {} %", number(100.0 * self.tolerance)),
@@ -59,7 +59,7 @@ impl Row {
     }
 }
 
-/// Five significant digits, without a tail of zeros.
+/// Five significant digits, without trailing zeros.
 pub fn number(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");

@@ -1,4 +1,4 @@
-//! A case in progress: which engine it runs on, how much of it, and what it has found.
+//! A case in progress: its engine, its extent and its results.
 
 use super::report::{Curve, Row, Rule};
 use super::setup::Scheme;
@@ -13,7 +13,7 @@ use gridfall_engine::{Engine, EngineError};
 pub enum Target {
     /// In f64.
     Cpu,
-    /// In f32, all that it has.
+    /// In f32, the only precision of the GPU.
     Gpu,
 }
 
@@ -22,7 +22,7 @@ pub enum Target {
 pub enum Extent {
     /// A few variants, coarse: seconds.
     Quick,
-    /// Every variant that is documented: minutes.
+    /// Every documented variant: minutes.
     Full,
 }
 
@@ -64,7 +64,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// `cpu` or `gpu`, whichever the case runs on: for tolerances.
+    /// `cpu` or `gpu`, for tolerances that depend on the target.
     pub fn on<T>(&self, cpu: T, gpu: T) -> T {
         match self.target {
             Target::Cpu => cpu,
@@ -72,7 +72,8 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// All schemes of the target in these dimensions; the linear kernel, which has no stable step beside a node, left out.
+    /// All schemes of the target in these dimensions, except the linear kernel, which has no stable
+    /// step beside a node.
     pub fn schemes(&self, dimensions: &[usize]) -> Vec<Scheme> {
         let (kernels, transfers): (&[Kernel], &[Transfer]) = match self.target {
             Target::Cpu => {
@@ -110,7 +111,8 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Reports a value. `tolerance` is a share of `expected` ([`Rule::Relative`]) or in its unit ([`Rule::Absolute`]).
+    /// Reports a value. `tolerance` is a share of `expected` ([`Rule::Relative`]) or in its unit
+    /// ([`Rule::Absolute`]).
     pub fn check(
         &mut self,
         variant: impl ToString,
@@ -144,7 +146,7 @@ impl<'a> Session<'a> {
         self.curves.push(Curve { name: name.replace(' ', "-"), columns });
     }
 
-    /// A simulation that ended in an error where none is expected.
+    /// A simulation that ended in an error although none is expected.
     pub(super) fn failed(&mut self, error: &EngineError) {
         self.check("", "runs to its end", "", (Rule::AtLeast, 1.0, 0.0), f64::NAN);
         self.rows.last_mut().expect("just reported").error = Some(error.to_string());

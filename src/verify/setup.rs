@@ -1,4 +1,5 @@
-//! Problems of cases from scene documents, so that cases go through what users' scenes go through; and sums over particles.
+//! Problems of cases from scene documents, so that cases take the same path as users' scenes; and
+//! sums over particles.
 
 use std::fmt;
 
@@ -14,7 +15,7 @@ use gridfall_scene::{self as scene, Limits};
 
 pub type Vec3 = [f64; 3];
 
-/// What the engines' behaviour depends on most.
+/// The settings that affect the engines' behaviour most.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scheme {
     pub dimension: usize,
@@ -35,7 +36,7 @@ impl fmt::Display for Scheme {
     }
 }
 
-/// The problem of a scene; `scene` has all but version, name, dimension, time and solver.
+/// The problem of a scene. `scene` has everything except version, name, dimension, time and solver.
 pub fn problem(session: &Session, scheme: Scheme, mut scene: Value) -> Problem {
     let fields = scene.as_object_mut().expect("a scene is an object");
     fields.insert("gridfall".into(), json!(1));
@@ -94,7 +95,8 @@ pub fn minus(a: Vec3, b: Vec3) -> Vec3 {
     std::array::from_fn(|k| a[k] - b[k])
 }
 
-/// Gives every particle the velocity and the velocity gradient (1/s, row-major) of a field at its place: v, and B = C D.
+/// Sets the velocity and the velocity gradient (1/s, row-major) of every particle from a field at
+/// its position: v, and B = C D.
 pub fn set_velocity(problem: &mut Problem, field: impl Fn(Vec3) -> (Vec3, [f64; 9])) {
     for p in 0..problem.particles.len() {
         let x = problem.particles.x[p];

@@ -1,4 +1,5 @@
-//! The single-particle bound of the time step, bracketed: lone particles all over a cell, just below and just above it.
+//! The single-particle bound of the time step, bracketed: lone particles at many places in a cell,
+//! just below and just above the bound.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -23,10 +24,10 @@ pub const SINGLE_PARTICLE: Case = Case {
     run: single_particle,
 };
 
-/// Cells between lone particles: no node has two.
+/// Cells between lone particles, so that no node has two.
 const APART: usize = 6;
 const NOISE: f64 = 1e-9;
-/// Growth that counts as unstable; a stable orbit's own ellipse stays far below.
+/// Growth that counts as unstable; the ellipse of a stable orbit stays far below it.
 const GROWTH: f64 = 1e3;
 const STEPS: usize = 600;
 
@@ -55,8 +56,9 @@ fn single_particle(session: &mut Session) -> Result<(), EngineError> {
     Ok(())
 }
 
-/// Particles too far apart to share nodes, each at a place of its own in its cell: symmetric points, points beside them
-/// (the spline's worst case is a supremum beside the midplane, on which a node drops out), and random ones.
+/// Particles too far apart to share nodes, each at its own place in its cell: symmetric points,
+/// points beside them (the spline's worst case is a supremum beside the midplane, where a node
+/// drops out), and random ones.
 fn lone_particles(session: &Session, scheme: Scheme, poissons_ratio: f64) -> Problem {
     let d = scheme.dimension;
     let per_axis = if d == 2 { 10 } else { 4 };
@@ -73,7 +75,7 @@ fn lone_particles(session: &Session, scheme: Scheme, poissons_ratio: f64) -> Pro
     );
     let mut random = ChaCha8Rng::seed_from_u64(20);
     for (n, x) in problem.particles.x.iter_mut().enumerate() {
-        // One distance from the symmetric point for all axes of a particle.
+        // The same distance from the symmetric point on all axes of a particle.
         let beside = 10f64.powf(random.random_range(-9.0..-2.0));
         for x in &mut x[..d] {
             let place = match n % 4 {
@@ -86,14 +88,14 @@ fn lone_particles(session: &Session, scheme: Scheme, poissons_ratio: f64) -> Pro
         }
     }
     add_noise(&mut problem, NOISE, 5);
-    // At rest as a whole: only strain and affine velocity live on a lone particle.
+    // At rest as a whole: a lone particle keeps only strain and affine velocity.
     problem.particles.v.iter_mut().for_each(|v| *v = [0.0; 3]);
     problem
 }
 
-/// How much the largest strain of any particle has grown after many steps.
+/// Growth of the largest strain of any particle after many steps.
 fn growth(problem: &Problem, dt_s: f64) -> f64 {
-    // The symmetric part: particles may turn.
+    // The symmetric part, because particles may rotate.
     let strain = |f: &[f64; 9]| {
         let of = |k: usize| 0.5 * (f[k] + f[3 * (k % 3) + k / 3]) - IDENTITY[k];
         (0..9).map(|k| of(k).abs()).fold(0.0, f64::max)

@@ -1,4 +1,5 @@
-//! Iterations of the implicit solver as a part of a bar grows stiffer, and what its tolerance is worth.
+//! Iterations of the implicit solver as a part of a bar becomes stiffer, and the accuracy of its
+//! tolerance.
 
 use serde_json::json;
 
@@ -13,30 +14,34 @@ use gridfall_engine::{Engine, EngineError, NoControl};
 
 pub const STIFFNESS_SWEEP: Case = Case {
     name: "stiffness-sweep",
-    claim: "outer iterations of the implicit solver hardly grow while the middle of a twisted bar goes from 1e5 to 1e10 Pa",
+    claim: "outer iterations of the implicit solver hardly grow while the middle of a twisted bar goes from 1e5 to \
+            1e10 Pa",
     source: "Wang et al. 2020 (HOT), Fig. 20; iterations of HOT as published from an independent prototype",
     gpu: false,
     quick: false,
     run: stiffness_sweep,
 };
 
-/// Young's modulus of the middle (Pa), and mean outer iterations of the prototype at ε = 1e-7.
+/// Young's modulus of the middle (Pa), and the prototype's mean outer iterations at ε = 1e-7.
 const SWEEP: [(f64, f64); 6] = [(1e5, 5.2), (1e6, 5.8), (1e7, 6.4), (1e8, 9.6), (1e9, 11.8), (1e10, 18.0)];
-/// Steps a second; the step is as long.
+/// Steps per second (1/s).
 const RATE: f64 = 48.0;
-/// Steps of a run.
+/// Steps in a run.
 const STEPS: u32 = 3;
-/// A tolerance that ends at rounding.
+/// A tolerance at the level of rounding.
 const CONVERGED: f64 = 1e-11;
 
-/// Mean outer iterations a step, and the mean error of a step's Δv.
+/// Mean outer iterations per step, and the mean relative error of a step's Δv.
 struct Run {
     iterations: f64,
     error: f64,
 }
 
 fn bar(session: &Session, kernel: Kernel, middle_pa: f64) -> Problem {
-    let material = |young: f64| json!({ "model": "fixed-corotated", "density": 2000, "youngs_modulus": young, "poissons_ratio": 0.3 });
+    let material = |young: f64| {
+        json!({ "model": "fixed-corotated", "density": 2000,
+                "youngs_modulus": young, "poissons_ratio": 0.3 })
+    };
     let part = |name: &str, material: &str, from: f64, to: f64| {
         json!({ "name": name, "material": material, "sampling": "jittered",
                 "shape": { "box": { "min": [0.14, from, 0.14], "max": [0.26, to, 0.26] } } })
@@ -52,7 +57,8 @@ fn bar(session: &Session, kernel: Kernel, middle_pa: f64) -> Problem {
         json!({
             "domain": { "min": [0, 0, 0], "max": [0.4, 1.2, 0.4], "dx": 0.02 },
             "materials": { "soft": material(1e5), "middle": material(middle_pa) },
-            "bodies": [ part("lower", "soft", 0.14, 0.44), part("middle", "middle", 0.44, 0.74), part("upper", "soft", 0.74, 1.04) ],
+            "bodies": [ part("lower", "soft", 0.14, 0.44), part("middle", "middle", 0.44, 0.74),
+                        part("upper", "soft", 0.74, 1.04) ],
             "colliders": [ grip(0.05, 0.19, 0.0), grip(0.99, 1.15, 2.0 * std::f64::consts::PI) ],
         }),
     );
@@ -60,7 +66,7 @@ fn bar(session: &Session, kernel: Kernel, middle_pa: f64) -> Problem {
     problem
 }
 
-/// Steps from rest; with `compare`, each is done again from the same state to convergence.
+/// Steps from rest. With `compare`, each step is repeated from the same state to convergence.
 fn run(problem: &Problem, compare: bool) -> Result<Run, EngineError> {
     let mut engine = ImplicitEngine::new(&problem.setup, problem.particles.clone())?;
     let mut before = problem.particles.clone();

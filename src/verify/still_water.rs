@@ -45,11 +45,14 @@ fn still_water(session: &mut Session) -> Result<(), EngineError> {
             json!({
                 "domain": { "min": vec![0; d], "max": size(16.0), "dx": dx, "boundary": boundary },
                 "gravity": vector(d, gravity),
-                "materials": { "water": { "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": bulk_modulus, "viscosity": 5 } },
-                "bodies": [ { "name": "column", "material": "water", "shape": { "box": { "min": vec![0; d], "max": size(12.0) } } } ],
+                "materials": { "water": { "model": "weakly-compressible-fluid", "density": 1000,
+                                          "bulk_modulus": bulk_modulus, "viscosity": 5 } },
+                "bodies": [ { "name": "column", "material": "water",
+                              "shape": { "box": { "min": vec![0; d], "max": size(12.0) } } } ],
             }),
         );
-        // Starts unstrained and swings about its rest: a mean over many of its periods, 4 h / c.
+        // The water starts unstrained and oscillates about its rest state, so the mean covers many
+        // of its periods, 4 h / c.
         let height = 12.0 * dx;
         let period_s = 4.0 * height / (bulk_modulus / 1000.0f64).sqrt();
         let mut simulation = Forced::new(&problem, material_bound(&problem.setup).0).watch_nodes();
@@ -62,7 +65,7 @@ fn still_water(session: &mut Session) -> Result<(), EngineError> {
             if !simulation.step().is_finite() {
                 return Err(EngineError::Diverged { step: 0, time_s: before, what: "the water at rest".into() });
             }
-            // Hann's window: a mean that does not depend on where in a swing it ends.
+            // Hann window: the mean does not depend on where in an oscillation it ends.
             let window = 1.0 - (2.0 * PI * before / end_s).cos();
             weight_s += window * simulation.dt_s();
             impulse += window * floor_impulse(&problem, &simulation);
@@ -80,8 +83,9 @@ fn still_water(session: &mut Session) -> Result<(), EngineError> {
     Ok(())
 }
 
-/// What the floor took from the nodes on it and beyond it in the step just done (N s): their momentum with the step's forces and
-/// gravity, less what they left the grid update with. Both grids of the compact kernel carry all momentum.
+/// The impulse (N s) that the floor took in the last step from the nodes on it and beyond it: their
+/// momentum with the step's forces and gravity, minus their momentum after the grid update. Both
+/// grids of the compact kernel carry all momentum.
 fn floor_impulse(problem: &Problem, simulation: &Forced) -> f64 {
     let up = problem.setup.dimension - 1;
     let grids = if problem.setup.kernel == Kernel::Compact { 2.0 } else { 1.0 };

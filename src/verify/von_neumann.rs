@@ -1,4 +1,5 @@
-//! The bulk bound of the time step: periodic boxes with one particle a cell, bisected for the largest stable step.
+//! The bulk bound of the time step: periodic boxes with one particle per cell, bisected for the
+//! largest stable step.
 
 use serde_json::json;
 
@@ -14,7 +15,8 @@ use gridfall_engine::EngineError;
 pub const VON_NEUMANN: Case = Case {
     name: "von-neumann",
     claim: "the largest stable step of a periodic box with one particle a cell is f dx / c",
-    source: "Bai & Schroeder, Fig. 4 (their simulated columns, and the bounds themselves); the compact kernel's are our own",
+    source: "Bai & Schroeder, Fig. 4 (their simulated columns, and the bounds themselves); the compact kernel's are \
+             our own",
     gpu: false,
     quick: true,
     run: von_neumann,
@@ -32,15 +34,16 @@ const FIGURE_4: [(Kernel, Transfer, [f64; 2]); 6] = [
 
 /// Noise on v, C and F, as in the paper.
 const NOISE: f64 = 1e-4;
-/// The paper's boxes have 32 cells an axis; it gives neither their size nor the density. A side of 1 m and 1000 kg/m³ reproduce
-/// its excess over the analytic bounds, which is the time a slow growth takes to show.
+/// The paper's boxes have 32 cells per axis; it gives neither their size nor the density. A side of
+/// 1 m and 1000 kg/m³ reproduce its excess over the analytic bounds, which is due to the time that
+/// a slow growth takes to show.
 const DX_M: f64 = 1.0 / 32.0;
 /// Simulated time of the paper (s).
 const TIME_S: f64 = 10.0;
-/// For the bounds themselves: long enough for slow growth (s).
+/// Time for testing the bounds themselves (s), long enough for slow growth.
 const LONG_TIME_S: f64 = 40.0;
 
-/// A periodic box with one particle a cell, at `place` in it (dx).
+/// A periodic box with one particle per cell, at `place` in it (dx).
 struct Bulk {
     scheme: Scheme,
     poissons_ratio: f64,
@@ -52,7 +55,7 @@ fn von_neumann(session: &mut Session) -> Result<(), EngineError> {
     let dimensions: &[usize] = session.pick(&[2], &[2, 3]);
     for (kernel, transfer, factors) in FIGURE_4.into_iter().take(session.pick(1, FIGURE_4.len())) {
         for &dimension in dimensions {
-            // Half the side in 3D: a mode does not feel how often it is repeated.
+            // Half the side in 3D: a mode does not depend on how often it is repeated.
             let cells = if dimension == 2 { 32 } else { 16 };
             let scheme = Scheme::new(dimension, kernel, transfer);
             // Midway between nodes.
@@ -68,7 +71,8 @@ fn von_neumann(session: &mut Session) -> Result<(), EngineError> {
         let cells = if dimension == 2 { 16 } else { 8 };
         for transfer in session.pick(&[Transfer::Mls][..], &[Transfer::Pic, Transfer::Apic, Transfer::Mls]) {
             for poissons_ratio in [0.0, 0.3] {
-                // Midway on one axis and on nodes on the next; of MLS without λ, a little beside.
+                // Midway on one axis and on nodes on the next. For MLS without λ, slightly beside
+                // them.
                 let place = match (transfer, poissons_ratio) {
                     (Transfer::Mls, 0.0) => [0.25, 0.05, 0.25],
                     _ => [0.25, 0.75, 0.25],
@@ -122,7 +126,8 @@ impl Bulk {
     }
 }
 
-/// Bisects between 0.98 and 1.02 of `near_s`, to 1/2000 of it; the end of the bracket if the answer lies outside.
+/// Bisects between 0.98 and 1.02 of `near_s`, to 1/2000 of it. Returns the end of the bracket if
+/// the answer lies outside.
 fn largest_stable_step_s(problem: &Problem, near_s: f64, time_s: f64) -> f64 {
     let (mut stable, mut unstable) = (0.98, 1.02);
     while unstable - stable > 5e-4 {

@@ -1,4 +1,4 @@
-//! What several test files share: scenes from JSON, the software GPU, seeded random states.
+//! Helpers that several test files share: scenes from JSON, the software GPU, seeded random states.
 
 use std::sync::{Arc, OnceLock};
 
@@ -9,15 +9,16 @@ use gridfall_scene as scene;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-/// A problem from a scene that must be valid.
+/// A problem from a scene, which must be valid.
 pub fn problem(json: &str) -> Problem {
     let scene = scene::parse(json).unwrap_or_else(|faults| panic!("{faults:#?}"));
     scene::problem(&scene, &scene::Limits::default()).unwrap_or_else(|faults| panic!("{faults:#?}"))
 }
 
-/// The device that GPU tests run on: the adapter named by GRIDFALL_TEST_ADAPTER, else lavapipe. Missing is a failure, not a skip.
+/// The device that GPU tests run on: the adapter named by GRIDFALL_TEST_ADAPTER, otherwise
+/// lavapipe. A missing device is a failure, not a skip.
 pub fn gpu() -> Arc<Gpu> {
-    // One device for all tests: lavapipe compiles pipelines slowly.
+    // One device for all tests, because lavapipe compiles pipelines slowly.
     static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
     GPU.get_or_init(|| {
         let name = std::env::var("GRIDFALL_TEST_ADAPTER").unwrap_or_else(|_| "llvmpipe".into());
@@ -32,7 +33,8 @@ pub fn gpu_engine(problem: &Problem) -> GpuEngine {
     GpuEngine::new(gpu(), &problem.setup, problem.particles.clone(), "test").unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Random velocities, affine moments and deformations of realistic size: |v| ~ 1 m/s, |C| ~ 0.1 v/dx, strain ~ 0.1 after a rotation.
+/// Random velocities, affine moments and deformations of realistic size: |v| ~ 1 m/s, |C| ~ 0.1
+/// v/dx, strain ~ 0.1 after a rotation.
 pub fn randomise(problem: &mut Problem, rng: &mut ChaCha8Rng) {
     use gridfall_core::sim::setup::Material;
     let dx = problem.setup.dx;
@@ -55,7 +57,7 @@ pub fn randomise(problem: &mut Problem, rng: &mut ChaCha8Rng) {
             _ => {
                 let (sin, cos) = random(3.0).sin_cos();
                 let stretch: [f64; 9] = std::array::from_fn(|i| if i % 4 == 0 { 1.0 } else { 0.0 } + random(0.1));
-                // Rotation about z of a stretch.
+                // A stretch, rotated about z.
                 std::array::from_fn(|i| match i / 3 {
                     0 => cos * stretch[i % 3] - sin * stretch[3 + i % 3],
                     1 => sin * stretch[i % 3] + cos * stretch[3 + i % 3],

@@ -1,4 +1,5 @@
-//! Physics that every combination must get right: conservation, free motion, symmetry, determinism.
+//! What must hold for every combination of kernel, transfer, dimension and precision: conservation,
+//! free motion, symmetry, determinism.
 
 use crate::problems::*;
 use gridfall_core::sim::particles::Particles;
@@ -19,11 +20,12 @@ fn all_combinations() -> impl Iterator<Item = (usize, Kernel, Transfer, Precisio
     })
 }
 
-/// Two elastic bodies and a drop of fluid that fly into each other.
+/// Two elastic bodies and a drop of fluid that collide.
 fn collision(dimension: usize, kernel: Kernel, transfer: Transfer, precision: Precision) -> Problem {
     let mut problem = empty(dimension, [16.0, 16.0, if dimension == 3 { 12.0 } else { 1.0 }], 0.05);
     (problem.setup.kernel, problem.setup.transfer, problem.setup.precision) = (kernel, transfer, precision);
-    // No step is short enough for a lone particle of the linear kernel beside a node; a short one makes it rare.
+    // No step is short enough for a lone particle of the linear kernel beside a node. A short step
+    // makes such particles rare.
     problem.setup.max_dt_s = (kernel == Kernel::Linear).then_some(1e-3);
     let z = if dimension == 3 { 0.3 } else { 0.0 };
     let spin = [[0.0, -2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 0.0]];
@@ -84,9 +86,10 @@ fn free_fall_and_rigid_translation_are_exact_to_rounding() {
         (problem.setup.kernel, problem.setup.transfer, problem.setup.precision) = (kernel, transfer, precision);
         let last = dimension - 1;
         problem.setup.gravity[last] = -9.81;
-        // Steps of one length, whatever the material.
+        // Equal steps, whatever the material.
         problem.setup.max_dt_s = Some(1e-3);
-        // No round numbers: particles that land on a node to rounding are too much for the linear kernel.
+        // No round numbers: the linear kernel cannot cope with particles that lie on a node to
+        // rounding.
         let mut v = [0.313737, 0.207131, 0.0];
         v[last] = 0.957713;
         let middle = if dimension == 3 { 0.5 } else { 0.0 };
@@ -95,10 +98,11 @@ fn free_fall_and_rigid_translation_are_exact_to_rounding() {
         fill(&mut problem, elastic(stiffness, 0.3, 1000.0), 2, in_ball([0.4, 0.5, middle], 0.12), uniform(v));
         let (after, steps) = run(&problem, 6);
         let (t, dt) = (6.0 * problem.setup.frame_s, 6.0 * problem.setup.frame_s / steps as f64);
-        // Symplectic Euler: v after, then x with the new v.
+        // Symplectic Euler: v afterwards, then x with the new v.
         let fall = -9.81 * (t * t + t * dt) / 2.0;
         let rounding = if precision == Precision::F64 { 1e-12 } else { 3e-5 };
-        // The linear kernel's slope does not fade with its weight, so that the rounding of light nodes reaches particles.
+        // The linear kernel's slope does not decrease with its weight, so rounding on light nodes
+        // reaches particles.
         let tolerance = rounding * if kernel == Kernel::Linear { 1e3 } else { 1.0 };
         for i in 0..after.len() {
             for a in 0..dimension {
@@ -113,7 +117,8 @@ fn free_fall_and_rigid_translation_are_exact_to_rounding() {
     }
 }
 
-/// Two spheres (CK-MPM §6.1): r = 10 dx, dx = 1/256, E = 1e6, ν = 0.4, ρ = 1e3; here r = 5 dx, for the suite's time.
+/// Two spheres (CK-MPM §6.1): r = 10 dx, dx = 1/256, E = 1e6, ν = 0.4, ρ = 1e3. Here r = 5 dx, to
+/// keep the suite fast.
 #[test]
 fn colliding_spheres_keep_momentum_for_a_thousand_steps() {
     let dx = 1.0 / 256.0;
@@ -144,7 +149,7 @@ fn colliding_spheres_keep_momentum_for_a_thousand_steps() {
     assert!(v < 0.0, "the spheres did not bounce");
 }
 
-/// A rod turning about its middle, ends at ±1 m/s (CK-MPM §6.1).
+/// A rod rotating about its middle, with its ends at ±1 m/s (CK-MPM §6.1).
 #[test]
 fn a_rotating_rod_keeps_angular_momentum_for_a_thousand_steps() {
     for (kernel, transfer) in
@@ -188,8 +193,8 @@ fn results_do_not_depend_on_the_number_of_threads() {
     }
 }
 
-/// A body that crosses a periodic boundary does what it does in the middle; the axis has a number of cells that is no
-/// multiple of a block's.
+/// A body that crosses a periodic boundary behaves as it does in the middle. The number of cells
+/// along the axis is not a multiple of a block's.
 #[test]
 fn periodic_axes_are_invariant_under_translation() {
     for (kernel, dimension) in [(Kernel::Compact, 3), (Kernel::Quadratic, 3), (Kernel::Cubic, 2), (Kernel::Linear, 2)] {
@@ -210,7 +215,7 @@ fn periodic_axes_are_invariant_under_translation() {
             fill(&mut problem, elastic(1e4, 0.3, 1000.0), 2, inside, swirl);
             run(&problem, 4).0
         };
-        // Sampling order differs between the two: compare by where particles are.
+        // The sampling order differs between the two, so particles are compared by position.
         let key = |x: Vec3, shift: f64| -> [i64; 3] {
             std::array::from_fn(|a| ((x[a] - shift).rem_euclid(n * dx) * 1e7).round() as i64)
         };

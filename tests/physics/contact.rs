@@ -1,4 +1,4 @@
-//! Walls and colliders: what holds, what slides, what is pushed.
+//! Walls and colliders: sticking, sliding, separation and moving obstacles.
 
 use crate::problems::*;
 use gridfall_core::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, SdfOp};
@@ -15,7 +15,7 @@ fn contact(kind: ContactKind, friction: f64) -> Contact {
     Contact { kind, friction }
 }
 
-/// A block on the floor, moving along and into it.
+/// A block on the floor, moving along it and into it.
 fn block_on_floor(kernel: Kernel, floor: Contact) -> Problem {
     let mut problem = empty(3, [16.0, 12.0, 12.0], DX);
     problem.setup.kernel = kernel;
@@ -34,7 +34,7 @@ fn wall_nodes_obey_their_contact() {
             solver.p2g(1e-4);
             solver.grid_update(1e-4, 0.0);
             let nodes = solver.nodes();
-            // Of the compact kernel's pairs i ± ¼ both nodes.
+            // For the compact kernel, both nodes of each pair i ± ¼.
             let floor = nodes.iter().filter(|n| n.index[2] <= 0);
             let mut count = 0;
             for n in floor {
@@ -79,7 +79,8 @@ fn slip_keeps_the_motion_along_the_wall_and_sticky_takes_it() {
     }
 }
 
-/// A block slides down a slope of 24° with friction tan 15°: x = ½ g t² (sin θ − μ cos θ). Gravity is tilted instead.
+/// A block slides down a slope of 24° with friction tan 15°: x = ½ g t² (sin θ − μ cos θ). Gravity
+/// is tilted instead of the floor.
 #[test]
 fn a_block_slides_with_coulomb_friction() {
     let (theta, friction, g) = (24f64.to_radians(), 15f64.to_radians().tan(), 9.81);
@@ -108,7 +109,7 @@ fn a_block_slides_with_coulomb_friction() {
 }
 
 fn collider(primitive: Primitive, at: Vec3, contact: Contact, linear_velocity: Vec3) -> Collider {
-    // Primitives take x to their own frame by rotation (x − translation).
+    // Primitives map x to their own frame by rotation (x − translation).
     let sdf = Sdf { ops: vec![SdfOp::Primitive { primitive, rotation: IDENTITY, translation: at }] };
     let motion = Motion { center: at, linear_velocity, ..Motion::default() };
     Collider { name: "collider".into(), sdf, contact, motion, present_s: ALWAYS, grip: false }
@@ -143,7 +144,7 @@ fn a_moving_collider_pushes_a_body() {
         println!("{kernel:?}: body at {:.3} m, plate's face at {face:.3} m, speed {speed:.3} m/s", centre(&p, all)[0]);
         assert!(speed > 0.5, "{kernel:?}: pushed at 0.5 m/s, moves at {speed} m/s");
         assert_eq!(behind, 0, "{kernel:?}: particles inside the plate");
-        // Symmetric across, free along the plate.
+        // By symmetry, and because the body is free along the plate.
         let m = momentum(&problem, &p);
         assert!(m[1].abs().max(m[2].abs()) < 1e-9 * m[0].abs(), "{kernel:?}: {m:?}");
     }
@@ -161,7 +162,7 @@ fn a_sticky_collider_carries_what_it_holds() {
     let t = 48.0 * problem.setup.frame_s;
     let moved = minus(centre(&p, 0..p.len()), centre(&problem.particles, 0..p.len()));
     assert!(norm(minus(moved, [0.1 * t, 0.0, -0.05 * t])) < 0.05 * DX, "{moved:?}");
-    // It turns with the core: 2 rad in a second.
+    // It rotates with the core: 2 rad per second.
     let here = minus(centre(&p, 0..p.len()), [0.0; 3]);
     let (mut sin, mut cos) = (0.0, 0.0);
     for i in 0..p.len() {

@@ -1,4 +1,5 @@
-//! Elastic bodies: a bar's period, energy that does not grow, steps that follow a body that speeds up.
+//! Elastic bodies: a bar's period, energy that does not grow, steps that adapt to a body that
+//! accelerates.
 
 use std::f64::consts::PI;
 
@@ -12,7 +13,7 @@ use gridfall_engine::explicit::cpu::CpuEngine;
 use gridfall_engine::{Engine, EngineError, NoControl};
 use gridfall_scene::schema::{Kernel, Transfer};
 
-/// Kinetic energy of velocities and of the affine part, and strain energy (J).
+/// Kinetic energy of the velocities and of the affine part, and strain energy (J).
 fn energy(problem: &Problem, p: &Particles) -> f64 {
     let d = problem.setup.dimension;
     let of_particle = |i: usize| {
@@ -78,7 +79,7 @@ fn a_free_bar_swings_with_its_period() {
     }
 }
 
-/// A block that is let go stretched and spinning.
+/// A block that is released stretched and spinning.
 fn stretched(kernel: Kernel, transfer: Transfer) -> Problem {
     let dx = 1.0 / 32.0;
     let mut problem = empty(3, [16.0, 16.0, 16.0], dx);
@@ -113,7 +114,7 @@ fn energy_does_not_grow() {
             highest = highest.max(last);
         }
         println!("{kernel:?} {transfer:?}: {steps} steps, {first:.3} J, highest {highest:.3}, last {last:.3}");
-        // Symplectic Euler swings about the true energy by the order of the step.
+        // The energy of symplectic Euler oscillates about the true energy by the order of the step.
         assert!(highest < 1.01 * first, "{kernel:?} {transfer:?}: {highest} J from {first} J");
         assert!(last < first, "{kernel:?} {transfer:?}");
     }

@@ -1,7 +1,9 @@
-//! The implicit engine: what must be exact, what implicit Euler conserves and what it damps, and lagged plasticity.
+//! The implicit engine: what must be exact, what implicit Euler conserves and damps, and lagged
+//! plasticity.
 //!
-//! Forces at the step's end, P(Fⁿ⁺¹) Fⁿᵀ, conserve momentum, and energy never grows. The transfers conserve angular momentum; the step changes it by
-//! dt Σ m vⁿ⁺¹ × vⁿ, which slows a rigid body that turns by θ in a step to about θ − θ³ in the next.
+//! Forces at the step's end, P(Fⁿ⁺¹) Fⁿᵀ, conserve linear momentum, and energy never grows. The
+//! transfers conserve angular momentum. The step changes it by dt Σ m vⁿ⁺¹ × vⁿ, which slows a
+//! rigid body that rotates by θ in a step to about θ − θ³ in the next.
 
 use std::f64::consts::PI;
 
@@ -19,7 +21,8 @@ use gridfall_engine::{Engine, FrameStats, NoControl};
 
 const KERNELS: [Kernel; 2] = [Kernel::Quadratic, Kernel::Compact];
 
-/// As [`empty`], to be integrated implicitly, in steps as long as frames while nothing moves further than ½ dx.
+/// Like [`empty`], but integrated implicitly, with one step per frame while nothing moves further
+/// than ½ dx.
 fn implicit(dimension: usize, cells: Vec3, dx: f64, kernel: Kernel) -> Problem {
     let mut problem = empty(dimension, cells, dx);
     problem.setup.kernel = kernel;
@@ -27,7 +30,8 @@ fn implicit(dimension: usize, cells: Vec3, dx: f64, kernel: Kernel) -> Problem {
     problem
 }
 
-/// Runs frames of one step each, checks that every solve converged, and calls `each` after every frame.
+/// Runs frames of one step each, checks that every solve converged, and calls `each` after every
+/// frame.
 fn run_steps(problem: &Problem, steps: usize, mut each: impl FnMut(&Particles, &FrameStats)) {
     let mut engine = ImplicitEngine::new(&problem.setup, problem.particles.clone()).unwrap();
     for step in 1..=steps {
@@ -47,7 +51,7 @@ fn total_energy(problem: &Problem, particles: &Particles) -> f64 {
     row.kinetic_j + row.affine_j + row.strain_j
 }
 
-/// Largest difference of two arrays; NaN is as bad as it gets.
+/// Largest difference of two arrays; NaN is kept as the worst.
 fn farthest<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, |m, d| if d > m || d.is_nan() { d } else { m })
 }
@@ -85,7 +89,8 @@ fn an_affine_velocity_field_deforms_a_body_uniformly() {
         problem.setup.transfer = transfer;
         problem.setup.frame_s = 0.02;
         let gradient = [[0.7, -0.4, 0.0], [0.9, 0.5, 0.0], [0.0; 3]];
-        // So soft that the surface, where stress is not in equilibrium, is not felt three cells inside it.
+        // So soft that the surface, where stress is not in equilibrium, has no effect three cells
+        // inside it.
         let block = in_box([0.4, 0.4, 0.0], [1.2, 1.2, 0.0]);
         fill(&mut problem, elastic(1.0, 0.3, 1000.0), 2, block, linear([0.1, 0.2, 0.0], gradient, [0.8, 0.8, 0.0]));
         let inside = in_box([0.7, 0.7, 0.0], [0.9, 0.9, 0.0]);
@@ -135,14 +140,14 @@ fn a_thrown_body_falls_without_strain() {
     }
 }
 
-/// A block that is let go stretched, turning and flying.
+/// A block that is released stretched, rotating and flying.
 fn released(dimension: usize, kernel: Kernel, transfer: Transfer, material: Material) -> Problem {
     let dx = 1.0 / 16.0;
     let three = dimension == 3;
     let mut problem = implicit(dimension, [16.0, 16.0, if three { 16.0 } else { 1.0 }], dx, kernel);
     problem.setup.transfer = transfer;
     problem.setup.frame_s = 0.01;
-    // Momentum is kept to the sum of the residuals.
+    // Momentum is conserved up to the sum of the residuals.
     problem.setup.implicit.tolerance = 1e-11;
     let high = if three { 9.0 * dx } else { 0.0 };
     let low = if three { 5.0 * dx } else { 0.0 };
@@ -182,7 +187,8 @@ fn a_free_body_keeps_its_momentum_and_never_gains_energy() {
                     (last, spin_last) = (now, norm(angular_momentum(&problem, p)));
                 });
                 println!(
-                    "{dimension}D {kernel:?} {transfer:?}: momentum drift {drift:e}, energy {first:.4} → {last:.4} J, angular momentum {:.5} of its start",
+                    "{dimension}D {kernel:?} {transfer:?}: momentum drift {drift:e}, energy {first:.4} → {last:.4} \
+                     J, angular momentum {:.5} of its start",
                     spin_last / spin
                 );
                 assert!(drift < 1e-7, "{dimension}D {kernel:?} {transfer:?}: {drift:e}");
@@ -201,15 +207,16 @@ fn implicit_euler_slows_a_spinning_body_by_its_law() {
         let (center, omega) = ([10.0 * dx, 10.0 * dx, 0.0], 5.0);
         let spin = [[0.0, -omega, 0.0], [omega, 0.0, 0.0], [0.0; 3]];
         fill(&mut problem, elastic(1e8, 0.3, 1000.0), 2, in_ball(center, 5.0 * dx), linear([0.0; 3], spin, center));
-        // Moments of inertia of the places of particles and of their affine parts.
+        // Moments of inertia of the particles' positions and of their affine parts.
         let (mut places, mut affine) = (0.0, 0.0);
         for x in &problem.particles.x {
             places += minus(*x, center).iter().map(|c| c * c).sum::<f64>();
             let moment = moment_matrix(kernel, x.map(|x| x / dx), dx, 2);
             affine += moment[0] + moment[4];
         }
-        // v is ω × x at first, and so tan θ = ω dt in the first step. From then on v = A x of the step's start with A = (R − I)/dt, and the
-        // particles that have moved on carry A: I_x (2 sin θ' − sin(θ' + θ)) = I_D sin(θ − θ').
+        // v is ω × x at first, so tan θ = ω dt in the first step. After that, v = A x at the
+        // positions at the step's start with A = (R − I)/dt, and the particles, which have moved
+        // on, carry A: I_x (2 sin θ' − sin(θ' + θ)) = I_D sin(θ − θ').
         let mut angle = (omega * problem.setup.frame_s).atan();
         let start = angular_momentum(&problem, &problem.particles)[2];
         let (mut found, mut expected) = (Vec::new(), Vec::new());
@@ -229,8 +236,8 @@ fn implicit_euler_slows_a_spinning_body_by_its_law() {
     }
 }
 
-/// The first longitudinal mode of a free–free bar with ν = 0 has ω = π √(E/ρ)/L; implicit Euler makes it T = 2π dt/atan(ω dt), and shrinks it by
-/// 1/√(1 + ω² dt²) a step.
+/// The first longitudinal mode of a free–free bar with ν = 0 has ω = π √(E/ρ)/L. Implicit Euler
+/// makes the period T = 2π dt/atan(ω dt) and multiplies the amplitude by 1/√(1 + ω² dt²) per step.
 #[test]
 fn a_free_bar_swings_and_is_damped_as_implicit_euler_has_it() {
     for (kernel, transfer) in
@@ -262,7 +269,8 @@ fn a_free_bar_swings_and_is_damped_as_implicit_euler_has_it() {
         let (angle, decay) = fit(&values[1..]);
         let (expected, shrink) = ((omega * dt).atan(), 1.0 / (1.0 + (omega * dt).powi(2)).sqrt());
         println!(
-            "{kernel:?} {transfer:?}: T = {:.5} s, implicit Euler {:.5} s, continuum {:.5} s; a step leaves {decay:.5}, implicit Euler {shrink:.5}",
+            "{kernel:?} {transfer:?}: T = {:.5} s, implicit Euler {:.5} s, continuum {:.5} s; a step leaves \
+             {decay:.5}, implicit Euler {shrink:.5}",
             2.0 * PI * dt / angle,
             2.0 * PI * dt / expected,
             2.0 * PI / omega
@@ -272,7 +280,8 @@ fn a_free_bar_swings_and_is_damped_as_implicit_euler_has_it() {
     }
 }
 
-/// Angle and shrinking of each step of a damped swing: a_{n+1} = 2 r cos φ a_n − r² a_{n−1}, by least squares.
+/// Angle and factor per step of a damped oscillation: a_{n+1} = 2 r cos φ a_n − r² a_{n−1}, by
+/// least squares.
 fn fit(a: &[f64]) -> (f64, f64) {
     let (mut m, mut rhs) = ([[0.0; 2]; 2], [0.0; 2]);
     for w in a.windows(3) {
@@ -305,7 +314,7 @@ fn a_metal_bar_pulled_beyond_yield_ends_on_the_yield_surface() {
                 elasticity,
             });
             let law = Law::<f64>::new(&metal);
-            // Flies apart: inertia alone stretches it to several times the strain at yield.
+            // It flies apart: inertia alone stretches it to several times the yield strain.
             let stretch = [[5.0, 0.0, 0.0], [0.0, -5.0, 0.0], [0.0; 3]];
             let center = [12.0 * dx, 6.0 * dx, 0.0];
             fill(
@@ -332,7 +341,8 @@ fn a_metal_bar_pulled_beyond_yield_ends_on_the_yield_surface() {
                 most = most.max(on_surface);
             });
             println!(
-                "{elasticity:?} {kernel:?}: {most} of {} particles on the yield surface, none beyond by more than {worst:e}",
+                "{elasticity:?} {kernel:?}: {most} of {} particles on the yield surface, none beyond by more than \
+                 {worst:e}",
                 problem.particles.len()
             );
             assert!(worst < 1e-9 && 2 * most > problem.particles.len(), "{elasticity:?} {kernel:?}");

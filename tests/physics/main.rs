@@ -1,4 +1,4 @@
-//! The physics of the CPU engine, which the GPU is compared with: conservation, closed forms, contact.
+//! Physics of the CPU engine, the reference for the GPU: conservation, closed forms, contact.
 
 mod conservation;
 mod contact;

@@ -1,5 +1,5 @@
-//! One step of random particles in f64: what a transfer may lose is rounding, and a comparator that would miss a loss is
-//! itself at fault.
+//! One step of random particles in f64. A transfer may lose only rounding errors, and the
+//! comparison must be able to detect a loss.
 
 use gridfall_core::sim::setup::Problem;
 use gridfall_engine::explicit::cpu::stages;
@@ -8,7 +8,8 @@ use rand::{Rng, SeedableRng, rngs::StdRng};
 
 use crate::problems::*;
 
-/// 200 particles anywhere in the middle of a free domain, with random velocities, B and deformations.
+/// 200 particles anywhere in the middle of a free domain, with random velocities, B and
+/// deformations.
 fn random(kernel: Kernel, transfer: Transfer, seed: u64) -> Problem {
     println!("{kernel:?} {transfer:?}: seed {seed}");
     let rng = &mut StdRng::seed_from_u64(seed);
@@ -38,7 +39,8 @@ fn random(kernel: Kernel, transfer: Transfer, seed: u64) -> Problem {
     problem
 }
 
-/// Errors of momentum (over Σ m |v|) and angular momentum about the middle (over Σ m |x| |v|) after a step.
+/// Errors of momentum (over Σ m |v|) and angular momentum about the middle (over Σ m |x| |v|) after
+/// a step.
 fn losses(problem: &Problem) -> [f64; 2] {
     let mut solver = stages(&problem.setup, problem.particles.clone());
     let dt = 1e-3;
@@ -71,12 +73,13 @@ fn a_step_of_random_particles_conserves_to_rounding() {
     }
 }
 
-/// The fused stage is the two stages one after the other.
+/// The fused stage equals the two stages one after the other.
 #[test]
 fn the_fused_stage_is_g2p_then_p2g() {
     for kernel in [Kernel::Compact, Kernel::Quadratic] {
         let mut problem = random(kernel, Transfer::Mls, 9);
-        // Close enough that none is alone, whose state `g2p` would reset and the fused stage not.
+        // Close enough that no particle is alone: `g2p` would reset its state, and the fused stage
+        // would not.
         problem.particles.x.iter_mut().flatten().for_each(|x| *x = 2.0 + 0.5 * (*x - 2.0));
         let dt = 1e-3;
         let started = || {
@@ -91,7 +94,7 @@ fn the_fused_stage_is_g2p_then_p2g() {
         apart.p2g(dt);
         assert!(fused.particles() == apart.particles());
         assert!(fused.nodes() == apart.nodes(), "{kernel:?}");
-        // Binning anew changes nothing but the order of sums.
+        // Binning again changes nothing but the order of sums.
         apart.bin();
         apart.p2g(dt);
         let (a, b) = (fused.nodes(), apart.nodes());

@@ -1,4 +1,4 @@
-//! Prescribed motion: keyframes, colliders that come and go, grips.
+//! Prescribed motion: keyframes, colliders that exist only for a time, grips.
 
 use crate::problems::{Vec3, centre};
 use gridfall_core::sim::particles::Particles;
@@ -13,22 +13,27 @@ fn problem(json: &str) -> Problem {
     scene::problem(&scene, &Limits::default()).unwrap_or_else(|faults| panic!("{faults:#?}"))
 }
 
-/// A bar along x between two grips: one holds, the other turns by 40° about the bar's axis in half a second and lets go.
+/// A bar along x between two grips. One holds; the other rotates by 40° about the bar's axis in
+/// half a second and lets go.
 fn twisted_bar() -> Problem {
     problem(
         r#"{ "gridfall": 1, "name": "bar", "domain": { "min": [0, 0, 0], "max": [0.75, 0.5, 0.5], "dx": 0.03125 },
-        "materials": { "jelly": { "model": "neo-hookean", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 } },
-        "bodies": [ { "name": "bar", "material": "jelly", "shape": { "box": { "min": [0.125, 0.1875, 0.1875], "max": [0.625, 0.3125, 0.3125] } },
+        "materials": {
+            "jelly": { "model": "neo-hookean", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 } },
+        "bodies": [ { "name": "bar", "material": "jelly",
+            "shape": { "box": { "min": [0.125, 0.1875, 0.1875], "max": [0.625, 0.3125, 0.3125] } },
             "grips": [
                 { "name": "held", "shape": { "box": { "min": [0.05, 0.1, 0.1], "max": [0.19, 0.4, 0.4] } } },
-                { "name": "turned", "shape": { "box": { "min": [0.56, 0.1, 0.1], "max": [0.7, 0.4, 0.4] } }, "until": 0.75,
+                { "name": "turned", "shape": { "box": { "min": [0.56, 0.1, 0.1], "max": [0.7, 0.4, 0.4] } },
+                  "until": 0.75,
                   "motion": { "center": [0.6, 0.25, 0.25], "axis": [2, 0, 0],
                               "keyframes": [ { "time": 0 }, { "time": 0.5, "angle_degrees": 40 } ] } } ] } ],
         "time": { "end": 1, "frame_rate": 16 }, "solver": { "precision": "f64" } }"#,
     )
 }
 
-/// Mean angle about the bar's axis by which particles that started with x in `range` have turned (°).
+/// Mean angle about the bar's axis by which particles that started with x in `range` have rotated
+/// (°).
 fn twist(problem: &Problem, now: &Particles, range: [f64; 2]) -> f64 {
     let (mut sin, mut cos) = (0.0, 0.0);
     for (start, now) in problem.particles.x.iter().zip(&now.x).filter(|(x, _)| x[0] > range[0] && x[0] < range[1]) {
@@ -59,7 +64,8 @@ fn grips_twist_a_bar_and_let_go() {
     assert!((middle - 20.0).abs() < 4.0);
     let ([_, _, turned], torques) = at(4);
     assert!((turned - 40.0).abs() < 1.0, "the grip lost the bar: {turned}°");
-    // Saint-Venant's torsion of a square bar of side a between the grips: T = 0.1406 a⁴ G θ / l. Four cells across are coarse.
+    // Saint-Venant's torsion of a square bar of side a between the grips: T = 0.1406 a⁴ G θ / l.
+    // Four cells across are coarse.
     let expected = 0.1406 * 0.125f64.powi(4) * (1e5 / 2.6) * 40f64.to_radians() / 0.37;
     let [held, turned] = [0, 1].map(|grip| torques.iter().map(|t| t[grip][0]).sum::<f64>() / torques.len() as f64);
     println!("torques about the bar: {held:.4} and {turned:.4} N m, expected ±{expected:.4}");
@@ -71,16 +77,23 @@ fn grips_twist_a_bar_and_let_go() {
     assert_eq!(torques[1][1], [0.0; 3], "a grip that is gone bears nothing");
 }
 
-/// A sticky ball carries a jelly along keyframes: there and back, and is where it should be in between.
+/// A sticky ball carries a jelly along keyframes, there and back, and is in the right place in
+/// between.
 #[test]
 fn keyframes_carry_a_body_there_and_back() {
     for precision in ["f32", "f64"] {
         let problem = problem(&format!(
-            r#"{{ "gridfall": 1, "name": "ride", "dimension": 2, "domain": {{ "min": [0, 0], "max": [1, 1], "dx": 0.03125 }},
-            "materials": {{ "jelly": {{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 }} }},
-            "bodies": [ {{ "name": "a", "material": "jelly", "shape": {{ "sphere": {{ "center": [0.3, 0.5], "radius": 0.12 }} }} }} ],
-            "colliders": [ {{ "name": "core", "contact": "sticky", "shape": {{ "sphere": {{ "center": [0.3, 0.5], "radius": 0.08 }} }},
-                "motion": {{ "keyframes": [ {{ "time": 0.25 }}, {{ "time": 0.5, "offset": [0.2, 0.1] }}, {{ "time": 1, "offset": [0, 0] }} ] }} }} ],
+            r#"{{ "gridfall": 1, "name": "ride", "dimension": 2,
+            "domain": {{ "min": [0, 0], "max": [1, 1], "dx": 0.03125 }},
+            "materials": {{
+                "jelly": {{ "model": "fixed-corotated", "density": 1000,
+                            "youngs_modulus": 1e5, "poissons_ratio": 0.3 }} }},
+            "bodies": [ {{ "name": "a", "material": "jelly",
+                "shape": {{ "sphere": {{ "center": [0.3, 0.5], "radius": 0.12 }} }} }} ],
+            "colliders": [ {{ "name": "core", "contact": "sticky",
+                "shape": {{ "sphere": {{ "center": [0.3, 0.5], "radius": 0.08 }} }},
+                "motion": {{ "keyframes": [ {{ "time": 0.25 }},
+                    {{ "time": 0.5, "offset": [0.2, 0.1] }}, {{ "time": 1, "offset": [0, 0] }} ] }} }} ],
             "time": {{ "end": 1.25, "frame_rate": 20 }}, "solver": {{ "precision": "{precision}" }} }}"#
         ));
         let mut engine = CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
@@ -94,18 +107,24 @@ fn keyframes_carry_a_body_there_and_back() {
     }
 }
 
-/// A shelf holds a block until it is taken away; another is in the way only once it is there.
+/// A shelf holds a block until it is removed; another is in the way only once it exists.
 #[test]
 fn colliders_come_and_go() {
     let problem = problem(
-        r#"{ "gridfall": 1, "name": "shelves", "dimension": 2, "domain": { "min": [0, 0], "max": [0.5, 2], "dx": 0.03125 },
+        r#"{ "gridfall": 1, "name": "shelves", "dimension": 2,
+        "domain": { "min": [0, 0], "max": [0.5, 2], "dx": 0.03125 },
         "gravity": [0, -10],
-        "materials": { "jelly": { "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 } },
-        "bodies": [ { "name": "a", "material": "jelly", "shape": { "box": { "min": [0.125, 1.5], "max": [0.375, 1.75] } } } ],
+        "materials": {
+            "jelly": { "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 } },
+        "bodies": [ { "name": "a", "material": "jelly",
+            "shape": { "box": { "min": [0.125, 1.5], "max": [0.375, 1.75] } } } ],
         "colliders": [
-            { "name": "shelf", "contact": "separate", "until": 0.2, "shape": { "box": { "min": [0, 1.4], "max": [0.5, 1.5] } } },
-            { "name": "ghost", "contact": "separate", "from": 0.6, "shape": { "box": { "min": [0, 1.2], "max": [0.5, 1.3] } } },
-            { "name": "floor", "contact": "separate", "from": 0.5, "shape": { "box": { "min": [0, 0.2], "max": [0.5, 0.5] } } } ],
+            { "name": "shelf", "contact": "separate", "until": 0.2,
+              "shape": { "box": { "min": [0, 1.4], "max": [0.5, 1.5] } } },
+            { "name": "ghost", "contact": "separate", "from": 0.6,
+              "shape": { "box": { "min": [0, 1.2], "max": [0.5, 1.3] } } },
+            { "name": "floor", "contact": "separate", "from": 0.5,
+              "shape": { "box": { "min": [0, 0.2], "max": [0.5, 0.5] } } } ],
         "time": { "end": 1, "frame_rate": 20 } }"#,
     );
     let mut engine = CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();

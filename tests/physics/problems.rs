@@ -33,7 +33,7 @@ fn density(material: &Material) -> f64 {
     material.density()
 }
 
-/// No bodies yet; f64, compact, MLS, no gravity, all walls separating.
+/// A problem without bodies: f64, compact, MLS, no gravity, all walls separating.
 pub fn empty(dimension: usize, cells: Vec3, dx: f64) -> Problem {
     let setup = Setup {
         name: "test".into(),
@@ -64,8 +64,8 @@ pub fn empty(dimension: usize, cells: Vec3, dx: f64) -> Problem {
     Problem { setup, particles: Particles::default() }
 }
 
-/// Fills the cells where `inside` says so with `per_axis`^d particles each; the velocity field's value and gradient give
-/// v and B.
+/// Fills the cells for which `inside` holds with `per_axis`^d particles each. The velocity field's
+/// value and gradient give v and B.
 pub fn fill(
     problem: &mut Problem,
     material: Material,
@@ -115,7 +115,7 @@ pub fn fill(
     assert!(problem.particles.len() > first, "a body without particles");
 }
 
-/// A velocity that is the same everywhere.
+/// A uniform velocity field.
 pub fn uniform(v: Vec3) -> impl Fn(Vec3) -> (Vec3, Matrix<f64, 3>) {
     move |_| (v, [[0.0; 3]; 3])
 }

@@ -1,4 +1,4 @@
-//! Forces and torques on walls and colliders: what the material loses, they get.
+//! Forces and torques on walls and colliders: they receive the momentum that the material loses.
 
 use crate::problems::*;
 use gridfall_core::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, SdfOp};
@@ -18,7 +18,7 @@ fn solid(primitive: Primitive, at: Vec3, kind: ContactKind, friction: f64, motio
     Collider { name: "solid".into(), sdf, contact, motion, present_s: ALWAYS, grip: false }
 }
 
-/// Runs frames; the mean reactions over the last `measured` of them.
+/// Runs frames. Returns the mean reactions over the last `measured` of them.
 fn mean(problem: &Problem, settle: usize, measured: usize) -> (Vec<Reaction>, Particles) {
     let mut engine = CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
     let mut sums = vec![Reaction::default(); WALLS + problem.setup.colliders.len()];
@@ -31,7 +31,7 @@ fn mean(problem: &Problem, settle: usize, measured: usize) -> (Vec<Reaction>, Pa
     (sums, engine.snapshot().unwrap())
 }
 
-/// Momentum changes by gravity and by what the surfaces take, to rounding.
+/// Momentum changes only by gravity and by what the surfaces take, to rounding.
 #[test]
 fn surfaces_take_all_the_momentum_that_is_lost() {
     for (dimension, kernel) in [(3, Kernel::Compact), (3, Kernel::Quadratic), (2, Kernel::Compact), (2, Kernel::Cubic)]
@@ -72,7 +72,8 @@ fn surfaces_take_all_the_momentum_that_is_lost() {
     }
 }
 
-/// A spinning core drags a jelly along: it feels a torque against its turn, and the jelly's spin is what it gave.
+/// A spinning core drags a jelly along. The torque on the core opposes its rotation, and the jelly
+/// gains the angular momentum that the core gives.
 #[test]
 fn a_core_that_spins_a_body_up_bears_the_torque() {
     let mut problem = empty(3, [16.0, 16.0, 16.0], DX);
@@ -116,7 +117,7 @@ fn a_block_at_rest_weighs_what_it_should() {
     }
 }
 
-/// The floor under a still column of water bears ρ V g, and opposite walls bear the same.
+/// The floor under a still column of water carries ρ V g, and opposite walls carry equal forces.
 #[test]
 fn walls_bear_a_column_of_water() {
     for kernel in [Kernel::Compact, Kernel::Quadratic] {

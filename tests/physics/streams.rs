@@ -1,4 +1,4 @@
-//! Sources: a stream brings what was promised, in time and without gaps.
+//! Sources: a stream emits the right amount, in time and without gaps.
 
 use crate::problems::{mass, momentum};
 use gridfall_core::sim::particles::Particles;
@@ -8,13 +8,15 @@ use gridfall_engine::{Engine, NoControl};
 use gridfall_scene::estimate::estimate;
 use gridfall_scene::{self as scene, Limits};
 
-/// Two streams, one through a box from the start, one through a ball later, and a block on the floor of the second.
+/// Two streams, one through a box from the start and one through a ball later, with a block on the
+/// floor below the second.
 fn pouring(precision: &str, gravity: f64, bodies: &str) -> Problem {
     let json = format!(
         r#"{{ "gridfall": 1, "name": "pouring", "domain": {{ "min": [0, 0, 0], "max": [1, 0.5, 1], "dx": 0.0625 }},
         "gravity": [0, 0, -{gravity}],
         "materials": {{ "water": {{ "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1e4 }},
-                        "sand": {{ "model": "drucker-prager", "density": 1600, "youngs_modulus": 1e5, "poissons_ratio": 0.3, "friction_angle_degrees": 30 }} }},
+                        "sand": {{ "model": "drucker-prager", "density": 1600, "youngs_modulus": 1e5,
+                                   "poissons_ratio": 0.3, "friction_angle_degrees": 30 }} }},
         "bodies": [ {bodies} ],
         "sources": [
             {{ "name": "tap", "material": "water", "velocity": [0, 0, -1], "until": 0.25,
@@ -27,7 +29,7 @@ fn pouring(precision: &str, gravity: f64, bodies: &str) -> Problem {
     scene::problem(&scene, &Limits::default()).unwrap_or_else(|faults| panic!("{faults:#?}"))
 }
 
-/// All frames' states.
+/// The states of all frames.
 fn run(problem: &Problem) -> Vec<Particles> {
     let mut engine = CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
     let frame = |frame: u32| {

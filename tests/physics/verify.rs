@@ -1,4 +1,4 @@
-//! `gridfall verify --quick`, as a test: every case on the CPU, and one on the software GPU.
+//! `gridfall verify --quick` as a test: every case on the CPU, and one on the software GPU.
 
 use gridfall::verify::{self as cases, CASES, Extent, Target};
 use gridfall_engine::choice::{Choice, Devices};

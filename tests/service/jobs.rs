@@ -1,4 +1,4 @@
-//! The worker survives what engines do to it, and every job it takes ends.
+//! The worker survives faults of engines, and every job that it takes ends.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -16,8 +16,11 @@ use uuid::Uuid;
 const SCENE: &str = r#"{
     "gridfall": 1, "name": "square", "dimension": 2,
     "domain": { "min": [0, 0], "max": [1, 1], "dx": 0.125 },
-    "materials": { "jelly": { "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 } },
-    "bodies": [{ "name": "square", "material": "jelly", "shape": { "box": { "min": [0.25, 0.25], "max": [0.75, 0.75] } } }],
+    "materials": {
+        "jelly": { "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 }
+    },
+    "bodies": [{ "name": "square", "material": "jelly",
+        "shape": { "box": { "min": [0.25, 0.25], "max": [0.75, 0.75] } } }],
     "time": { "end": 0.3, "frame_rate": 10 }
 }"#;
 
@@ -30,7 +33,7 @@ enum Fate {
     LoseDevice,
 }
 
-/// An engine that moves nothing and meets its fate.
+/// An engine that moves nothing and meets its fate in its second frame.
 struct Fake {
     backend: Backend,
     particles: Particles,
@@ -65,7 +68,7 @@ impl Engine for Fake {
     }
 }
 
-/// Engines whose fates are given in order; the last one is for all that follow.
+/// Engines with the given fates, in order; the last fate applies to all that follow.
 struct Fakes {
     fates: Vec<Fate>,
     loaded: Arc<AtomicUsize>,
@@ -89,7 +92,8 @@ impl EngineSource for Fakes {
     }
 }
 
-/// A worker on a fresh data directory whose engines meet these fates, and how often its devices were opened.
+/// A worker on a fresh data directory whose engines meet these fates. Counts how often its devices
+/// were opened.
 struct Bench {
     _dir: tempfile::TempDir,
     data: Arc<DataDir>,
@@ -165,7 +169,7 @@ async fn a_panic_fails_its_job_and_the_next_one_runs_on_fresh_devices() {
     let failure = job.failure.unwrap();
     assert_eq!((job.status, failure.code.as_str()), (Status::Failed, "internal"));
     assert!(failure.message.contains("out of bounds"), "{failure:?}");
-    // Frames 0 and 1 came before the panic.
+    // Frames 0 and 1 were written before the panic.
     assert_eq!(frames(&bench.data.job(job.id).recording()), 2);
 
     let next = bench.ended(bench.submit().await).await;

@@ -1,4 +1,5 @@
-//! The service as its users meet it: real server processes over HTTP, jobs that meet every fate, recordings in the official reader.
+//! The service as its users see it: real server processes over HTTP, jobs that meet every fate, and
+//! recordings read with the official reader.
 
 mod http;
 mod jobs;

@@ -1,4 +1,4 @@
-//! Which module uses which: read from the syntax of each file, without its unit tests and without comments.
+//! Which module uses which, read from the syntax of each file without its unit tests and comments.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,14 +8,14 @@ use quote::ToTokens;
 use super::Source;
 use super::layers::Layer;
 
-/// A crate of the workspace: the folder of its sources, and its modules from the ground up.
+/// A crate of the workspace: the folder of its sources, and its modules from the lowest layer up.
 pub struct Crate<'a> {
     pub folder: &'a str,
     pub layers: &'a [Layer],
 }
 
-/// Faults of a crate's files against its layers: modules without a layer, uses that no layer permits, permissions that nobody uses, and
-/// circles.
+/// Faults of a crate's files against its layers: modules without a layer, uses that no layer
+/// permits, permissions that nobody uses, and cycles.
 pub fn check(of: &Crate, files: &[Source]) -> Vec<String> {
     let mut faults = circles(of);
     let mut used: BTreeSet<(&str, &str)> = BTreeSet::new();
@@ -46,7 +46,7 @@ pub fn check(of: &Crate, files: &[Source]) -> Vec<String> {
     faults
 }
 
-/// Layers may use those above them in the list only.
+/// Layers may use only those before them in the list.
 fn circles(of: &Crate) -> Vec<String> {
     let mut faults = Vec::new();
     for (n, (name, allowed)) in of.layers.iter().enumerate() {
@@ -57,7 +57,7 @@ fn circles(of: &Crate) -> Vec<String> {
     faults
 }
 
-/// The layer of a module or item: the one with the longest path that it begins with.
+/// The layer of a module or item: the one with the longest matching path prefix.
 fn layer<'a>(of: &Crate<'a>, path: &[String]) -> Option<&'a Layer> {
     let begins = |layer: &&Layer| {
         let parts: Vec<&str> = layer.0.split("::").collect();
@@ -66,13 +66,13 @@ fn layer<'a>(of: &Crate<'a>, path: &[String]) -> Option<&'a Layer> {
     of.layers.iter().filter(begins).max_by_key(|layer| layer.0.len())
 }
 
-/// Whether a module only holds others that have layers.
+/// Whether a module only contains others that have layers.
 fn is_facade(of: &Crate, path: &[String]) -> bool {
     let path = path.join("::");
     path.is_empty() || of.layers.iter().any(|(name, _)| name.starts_with(&format!("{path}::")))
 }
 
-/// Unit tests in files of their own.
+/// Whether a file contains unit tests only.
 fn is_test(path: &str) -> bool {
     let name = path.rsplit('/').next().unwrap_or_default();
     name.ends_with("tests.rs") || name == "fixture.rs" || path.contains("/tests/") || name == "build.rs"
@@ -97,7 +97,7 @@ fn uses(text: &str, own: &[String]) -> Vec<Vec<String>> {
     found.into_iter().collect()
 }
 
-/// Takes out what is compiled for tests only.
+/// Removes what is compiled for tests only.
 fn drop_tests(items: &mut Vec<syn::Item>) {
     let is_test = |attributes: &[syn::Attribute]| {
         attributes.iter().any(|a| a.path().is_ident("cfg") && a.to_token_stream().to_string().contains("test"))
@@ -116,7 +116,7 @@ fn drop_tests(items: &mut Vec<syn::Item>) {
     }
 }
 
-/// Collects `crate::…` and `super::…`, with the trees of `use`, from tokens.
+/// Collects `crate::…` and `super::…` paths, with the trees of `use`, from tokens.
 fn walk(tokens: TokenStream, own: &[String], found: &mut BTreeSet<Vec<String>>) {
     let tokens: Vec<TokenTree> = tokens.into_iter().collect();
     let mut at = 0;
@@ -139,7 +139,7 @@ fn parent(module: &[String]) -> Vec<String> {
     module[..module.len().saturating_sub(1)].to_vec()
 }
 
-/// Follows `::a::b` or `::{a, b::c}` from `at`; returns where it ends.
+/// Follows `::a::b` or `::{a, b::c}` from `at`. Returns where it ends.
 fn path(
     tokens: &[TokenTree],
     mut at: usize,
@@ -186,7 +186,8 @@ fn tree(tokens: TokenStream, base: &[String], own: &[String], found: &mut BTreeS
     }
 }
 
-/// Which of some crates a file names, in code outside tests; a crate's name is followed by `::`.
+/// Which of the given crates a file names, in code outside tests. A crate's name is followed by
+/// `::`.
 pub fn names<'a>(text: &str, crates: &[&'a str]) -> BTreeSet<&'a str> {
     fn collect<'a>(tokens: TokenStream, crates: &[&'a str], found: &mut BTreeSet<&'a str>) {
         let tokens: Vec<TokenTree> = tokens.into_iter().collect();
@@ -213,7 +214,7 @@ pub fn names<'a>(text: &str, crates: &[&'a str]) -> BTreeSet<&'a str> {
     found
 }
 
-/// Crates of the workspace by the ones that their manifests name as dependencies.
+/// The dependency names in a manifest, by table.
 pub fn manifest(text: &str) -> BTreeMap<String, Vec<String>> {
     let mut tables = BTreeMap::new();
     let mut table = String::new();

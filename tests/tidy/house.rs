@@ -1,10 +1,11 @@
-//! Rules about modules and crates: arrows point one way, nothing is permitted that nobody needs, some crates have one owner.
+//! Rules about modules and crates: dependencies point one way, nobody has a permission that it does
+//! not use, and some crates may be named in a few folders only.
 
 use super::graph::{Crate, check, manifest, names};
 use super::layers::{CORE, CRATES, ENGINE, Layer, OWNED, ROOT, SERVICE};
 use super::{Source, caught, none, sources};
 
-/// Files of the root package: those of no other crate.
+/// Files of the root package: those that belong to no other crate.
 fn root() -> Vec<Source> {
     let elsewhere = |file: &Source| CRATES.iter().any(|(name, _)| file.path.starts_with(&format!("src/{name}/")));
     sources("src", "rs").into_iter().filter(|file| !elsewhere(file)).collect()
@@ -15,7 +16,8 @@ fn check_crate(folder: &str, layers: &[Layer]) {
     none(&check(&Crate { folder, layers }, &files));
 }
 
-/// Dependencies among the workspace's crates that are not permitted, permissions without a dependency, and dependencies without a use.
+/// Dependencies among the workspace's crates that are not permitted, permissions without a
+/// dependency, and dependencies that are never used.
 fn check_manifest(name: &str, allowed: &[&str], text: &str, files: &[Source]) -> Vec<String> {
     let mut faults = Vec::new();
     let tables = manifest(text);
@@ -38,7 +40,7 @@ fn check_manifest(name: &str, allowed: &[&str], text: &str, files: &[Source]) ->
     faults
 }
 
-/// Files that name a crate which belongs to others.
+/// Files that name a crate that only other folders may name.
 fn check_owners(files: &[Source]) -> Vec<String> {
     let owned: Vec<&str> = OWNED.iter().map(|(name, _)| *name).collect();
     let mut faults = Vec::new();
@@ -96,7 +98,7 @@ fn some_crates_have_one_owner() {
     caught(&check_owners(&[fault]), &["src/engine/choice.rs", "wgpu"]);
 }
 
-/// A house of two rooms for planted faults.
+/// Two layers for planted faults.
 const ROOMS: &[Layer] = &[("ground", &[]), ("roof", &["ground"])];
 
 fn rooms(layers: &[Layer], ground: &str, roof: &str) -> Vec<String> {
@@ -131,7 +133,7 @@ fn a_module_outside_its_layer_is_caught() {
     let uses = "use crate::ground::a;";
     caught(&rooms(ROOMS, "use crate::roof::b;", uses), &["ground.rs uses roof"]);
     caught(&rooms(ROOMS, "use crate::{other, roof::{b, c}};", uses), &["ground.rs"]);
-    // Behind the first unit test, and inside a macro.
+    // After the first unit test, and inside a macro.
     let behind = "#[cfg(test)] mod tests {} fn a() { crate::roof::b() }";
     caught(&rooms(ROOMS, behind, uses), &["ground.rs uses roof"]);
     caught(&rooms(ROOMS, "wide! { fn a() { super::roof::b() } }", uses), &["ground.rs uses roof"]);

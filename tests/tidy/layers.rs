@@ -1,12 +1,13 @@
-//! The layers of the house, from the ground up: which module may use which, and which crates a folder owns.
+//! The layers from the lowest up: which module may use which, and which folders may name a crate.
 //!
-//! Cargo holds the boundaries between crates; this holds those inside them. A module may use those above it in its list, and only
-//! those that it names. A permission that nobody uses fails.
+//! Cargo enforces the boundaries between crates; these lists enforce those inside them. A module
+//! may use those before it in its list, and only those that it names. A permission that nobody uses
+//! is a fault.
 
-/// A module and what it may use of its crate beside itself.
+/// A module and what it may use of its crate besides itself.
 pub type Layer = (&'static str, &'static [&'static str]);
 
-/// Crates of the workspace with what each may use of the others, from the ground up.
+/// Crates of the workspace with what each may use of the others, from the lowest up.
 pub const CRATES: &[(&str, &[&str])] = &[
     ("core", &[]),
     ("scene", &["core"]),

@@ -1,4 +1,5 @@
-//! The house rules of docs/ARCHITECTURE.md and CONTRIBUTING.md, as tests; each rule is shown to catch a planted fault.
+//! The rules of docs/ARCHITECTURE.md and CONTRIBUTING.md as tests. Each rule is shown to catch a
+//! planted fault.
 
 mod graph;
 mod house;
@@ -46,12 +47,12 @@ pub fn sources(folder: &str, extension: &str) -> Vec<Source> {
     found.into_iter().map(source).collect()
 }
 
-/// Fails with all faults of a rule.
+/// Fails with all faults of a rule, if there are any.
 pub fn none(faults: &[String]) {
     assert!(faults.is_empty(), "\n{}", faults.join("\n"));
 }
 
-/// Fails unless a rule finds one fault, which says all of `words`.
+/// Fails unless a rule finds exactly one fault and its text has all of `words`.
 pub fn caught(faults: &[String], words: &[&str]) {
     assert_eq!(faults.len(), 1, "{faults:?}");
     assert!(words.iter().all(|word| faults[0].contains(word)), "{faults:?}");

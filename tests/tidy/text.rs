@@ -1,12 +1,13 @@
-//! Rules about text: lengths of lines and files, opening comments, nothing unfinished or silenced, scenes that say what they show.
+//! Rules about text: lengths of lines and files, opening comments, nothing unfinished or silenced,
+//! scenes that say what they show.
 
 use super::{Source, caught, none, sources};
 
-/// Columns of a line of code, and of a line of Markdown.
+/// Maximum columns of a line of code, and of a line of Markdown.
 const MAX_CODE: usize = 120;
 const MAX_MARKDOWN: usize = 100;
 
-/// Lines that a source file may have; past that, look for the seam.
+/// Maximum lines of a source file. Beyond that, the file should be split.
 const MAX_LINES: usize = 500;
 
 /// Lines longer than `most`. Rows of Markdown tables cannot be wrapped.
@@ -40,7 +41,7 @@ fn without_opening(files: &[Source], mark: &str) -> Vec<String> {
 }
 
 fn unfinished(files: &[Source]) -> Vec<String> {
-    // Written apart, so that this file does not find itself.
+    // Split, so that this file does not find itself.
     let marks = ["todo", "unimplemented"].map(|m| format!("{m}!(")).into_iter();
     let marks: Vec<String> = marks.chain(["[ignore", "allow(dead_code", "FIXME"].map(|m| format!("{m:1}"))).collect();
     let mut faults = Vec::new();

@@ -1,4 +1,5 @@
-//! Derivatives of the laws for the implicit integrator against finite differences, and definiteness after projection.
+//! Tests of the laws' derivatives for the implicit integrator: finite differences, and definiteness
+//! after projection.
 
 use nalgebra::DMatrix;
 use rand::{Rng, SeedableRng, rngs::StdRng};
@@ -10,7 +11,8 @@ use crate::maths::svd::svd;
 
 const MODULUS: f64 = 1e5;
 
-/// Every law that is integrated implicitly, with a plastic state that hardens snow.
+/// Every law that can be integrated implicitly, with its plastic state. Snow is given a state in
+/// which it has hardened.
 fn laws() -> Vec<(Law<f64>, f64)> {
     let solid = samples().into_iter().filter(|m| !m.is_fluid());
     solid.map(|m| (Law::new(&m), if let Material::Snow(_) = m { 0.97 } else { initial_plastic_state(&m) })).collect()
@@ -28,7 +30,8 @@ fn rotated<const D: usize>(rng: &mut StdRng, sigma: &Vector<f64, D>) -> Matrix<f
     spectral(&svd(&random(rng)).u, sigma, &svd(&random(rng)).u)
 }
 
-/// Stretches at rest, equal, nearly equal, large, small, flat, inverted, inverted and nearly equal, nearly opposite.
+/// Stretches: at rest, equal, nearly equal, large, small, flat, inverted, inverted and nearly
+/// equal, nearly opposite.
 const SPECTRA: [[f64; 3]; 13] = [
     [1.0, 1.0, 1.0],
     [1.3, 1.0, 0.8],
@@ -46,11 +49,11 @@ const SPECTRA: [[f64; 3]; 13] = [
 ];
 
 fn spectra<const D: usize>() -> impl Iterator<Item = Vector<f64, D>> {
-    // In two dimensions the first and the last.
+    // In two dimensions, the first and the last entry.
     SPECTRA.into_iter().map(|s| std::array::from_fn(|i| if i + 1 == D { s[2] } else { s[i] }))
 }
 
-/// Neo-Hookean matter is never flat or inverted.
+/// Whether the law is defined at these stretches: neo-Hookean bodies are never flat or inverted.
 fn exists<const D: usize>(law: &Law<f64>, sigma: &Vector<f64, D>) -> bool {
     !matches!(law, Law::NeoHookean(_)) || sigma[D - 1] > 0.0
 }
@@ -62,11 +65,12 @@ fn slope(h: f64, at: impl Fn(f64) -> Vec<f64>) -> Vec<f64> {
 }
 
 fn distance<'a>(a: impl IntoIterator<Item = &'a f64>, b: impl IntoIterator<Item = &'a f64>) -> f64 {
-    // NaN is as bad as it gets.
+    // NaN is kept: it is worse than any number.
     a.into_iter().zip(b).map(|(x, y)| (x - y).abs()).fold(0.0, |m, d| if d > m || d.is_nan() { d } else { m })
 }
 
-/// ψ_i and ψ_ij in principal space, P and ∂P/∂F of rotated states, for every law and kind of state.
+/// Checks ψ_i and ψ_ij in principal space, and P and ∂P/∂F at rotated states, for every law and
+/// kind of state.
 fn check<const D: usize>(seed: u64) {
     println!("seed {seed}");
     let rng = &mut StdRng::seed_from_u64(seed);
@@ -95,7 +99,7 @@ fn check<const D: usize>(seed: u64) {
     }
 }
 
-/// dψ = P : dF and dP = ∂P/∂F : dF along one direction.
+/// Checks dψ = P : dF and dP = ∂P/∂F : dF along one direction.
 fn check_along<const D: usize>(
     law: &Law<f64>,
     plastic: f64,
@@ -155,7 +159,8 @@ fn full<const D: usize>(tangent: &Projected<f64, D>) -> DMatrix<f64> {
     m
 }
 
-/// The projected tensor is the whole one with its negative eigenvalues set to 0; how many of them had any.
+/// Checks that the projected tensor is the exact one with its negative eigenvalues set to 0.
+/// Returns the number of negative eigenvalues.
 fn check_definiteness<const D: usize>(rng: &mut StdRng, law: &Law<f64>, plastic: f64, f: &Matrix<f64, D>) -> usize {
     let at = svd(f);
     let exact = Projected::exact(&at, &law.derivatives(&at.sigma, plastic));
@@ -236,7 +241,7 @@ fn the_energy_has_no_step_where_stretches_are_extended_or_change_sign() {
                 assert!(distance(&below.gradient, &above.gradient) < 1e-6 * slope, "{law:?} at {at}");
             }
         }
-        // Compression always costs, through flat and inverted states.
+        // Compression is always resisted, also in flat and inverted states.
         for s in [0.4, 0.15, 0.05, 0.0, -0.2, -0.8].into_iter().filter(|s| exists(&law, &[1.0, 1.0, *s])) {
             assert!(law.derivatives(&[1.0, 1.0, s], plastic).gradient[2] < 0.0, "{law:?} at {s}");
         }
@@ -252,7 +257,7 @@ fn spatial_stiffness_is_the_derivative_pushed_forward() {
     println!("seed {seed}");
     let rng = &mut StdRng::seed_from_u64(seed);
     for (law, plastic) in laws() {
-        // The stress is at a trial state, the velocity gradient acts on the one before.
+        // The stress is taken at a trial state; the velocity gradient acts on the state before it.
         let (trial, f) = (rotated(rng, &[1.2, 1.0, 0.7]), rotated(rng, &[1.1, 0.9, 0.8]));
         let tangent = law.projected_derivative(&trial, plastic);
         let k = tangent.spatial(&f);
@@ -286,7 +291,8 @@ fn the_characteristic_stiffness_is_that_at_rest() {
 
 #[test]
 fn small_strains_keep_their_digits() {
-    // Of a rotation by a rounded angle and a strain of 1e-6: Hooke's energy to 1e-6 of itself, though ψ is 1e-12 of the moduli.
+    // The rotation's entries are rounded and the strain is 1e-6. The energy must match Hooke's to
+    // 2e-5 of itself, although ψ is only 1e-12 of the moduli.
     let rng = &mut StdRng::seed_from_u64(58);
     for (law, plastic) in laws() {
         let strain = [2e-6, -1e-6, 3e-6];

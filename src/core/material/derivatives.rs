@@ -1,12 +1,15 @@
 //! Energies with their derivatives in principal space, for the implicit integrator.
 //!
-//! Plasticity is lagged there: within a step every law is elastic, with the plastic state that it has. Two things differ from the stress of the explicit
-//! integrator, because a line search also tries states that no body is ever in:
-//! * Fixed corotated energies, those of von Mises and snow included, take signed stretches as they are, without a clamp: finite and restoring everywhere.
-//! * Energies in logarithmic strain (Hencky, NACC) take ln σ down to σ = [`EXTENSION`] and go on along its tangent, through flat into inverted states: ψ and
-//!   its gradient stay continuous, ψ grows without bound against compression, and no stretch is clamped.
+//! Plasticity is lagged: within a step every law is elastic, and its plastic state is fixed. The
+//! stress differs from that of the explicit integrator in two ways, because a line search also
+//! tries states that no body ever reaches:
+//! * Fixed corotated energies, including those of von Mises and snow, take signed stretches without
+//!   a clamp. They are finite and restoring everywhere.
+//! * Energies in logarithmic strain (Hencky, NACC) take ln σ down to σ = [`EXTENSION`]. Below that
+//!   they continue along its tangent, through flat into inverted states. ψ and its gradient stay
+//!   continuous, ψ grows without bound under compression, and no stretch is clamped.
 //!
-//! Neo-Hookean keeps its barrier: infinite at J ≤ 0.
+//! Neo-Hookean keeps its barrier: ψ is infinite at J ≤ 0.
 
 use super::parameters::Elasticity;
 use super::principal::{Principal, spectral};
@@ -16,7 +19,7 @@ use crate::maths::linalg::{Matrix, Vector};
 use crate::maths::real::Real;
 use crate::maths::svd::{Svd, svd};
 
-/// Stretch below which logarithmic strain is replaced by its tangent, ln s + (σ − s)/s.
+/// Below this stretch, logarithmic strain is replaced by its tangent, ln s + (σ − s)/s.
 pub const EXTENSION: f64 = 0.1;
 
 /// ψ(σ) and its derivatives with respect to the signed singular values of F.
@@ -30,7 +33,7 @@ pub struct Derivatives<T, const D: usize> {
     pub hessian: Matrix<T, D>,
 }
 
-/// The energies that the laws are made of.
+/// The elastic energies that the laws use.
 enum Elastic<T> {
     FixedCorotated(FixedCorotated<T>),
     NeoHookean(NeoHookean<T>),
@@ -42,7 +45,7 @@ impl<T: Real> Law<T> {
     /// The elastic law within a step.
     ///
     /// # Panics
-    /// For fluids, whose scenes are refused before they get here.
+    /// For fluids. Scenes with fluids are refused before they get here.
     fn elastic(&self, plastic: T) -> Elastic<T> {
         match self {
             Self::FixedCorotated(law) => Elastic::FixedCorotated(*law),
@@ -59,8 +62,8 @@ impl<T: Real> Law<T> {
         }
     }
 
-    /// ψ, ∂ψ/∂σ and ∂²ψ/∂σ² at the signed singular values that [`svd`] gives. Neo-Hookean: infinite energy, and derivatives
-    /// without meaning, at J ≤ 0.
+    /// ψ, ∂ψ/∂σ and ∂²ψ/∂σ² at the signed singular values that [`svd`] gives. At J ≤ 0 the
+    /// neo-Hookean energy is infinite and its derivatives are meaningless.
     ///
     /// # Panics
     /// For fluids.
@@ -73,8 +76,8 @@ impl<T: Real> Law<T> {
         }
     }
 
-    /// ψ(F) (J/m³) and P(F) (Pa), consistent with [`Self::derivatives`]: what a line search evaluates, with at most one
-    /// decomposition of F.
+    /// ψ(F) (J/m³) and P(F) (Pa), consistent with [`Self::derivatives`]. A line search evaluates
+    /// this; it decomposes F at most once.
     ///
     /// # Panics
     /// For fluids.
@@ -96,7 +99,8 @@ impl<T: Real> Law<T> {
         Projected::exact(&decomposed, &self.derivatives(&decomposed.sigma, plastic)).clamped()
     }
 
-    /// ξ = ‖∂P/∂F(I)‖ (Pa), Frobenius over all d² × d² entries (HOT §5.2); every law obeys Hooke's at rest.
+    /// ξ = ‖∂P/∂F(I)‖ (Pa), the Frobenius norm over all d² × d² entries (HOT §5.2). Every law obeys
+    /// Hooke's law at rest.
     pub fn characteristic<const D: usize>(&self) -> T {
         let (mu, lambda) = self.moduli();
         let (d, along) = (T::from_i32(D as i32), lambda + T::TWO * mu);
@@ -104,7 +108,7 @@ impl<T: Real> Law<T> {
     }
 }
 
-/// The stretch e^ε of the extended logarithmic strain ε(σ), and ε′, ε″.
+/// The stretch e^ε of the extended logarithmic strain ε(σ), with ε′ and ε″.
 fn extend<T: Real>(sigma: T) -> (T, T, T) {
     let s = T::from_f64(EXTENSION);
     if sigma >= s {
@@ -114,7 +118,8 @@ fn extend<T: Real>(sigma: T) -> (T, T, T) {
     }
 }
 
-/// Of a law in logarithmic strain, whose ∂τ_i/∂ε_j `tangent` gives: ψ_i = τ_i ε′_i, ψ_ij = ∂τ_i/∂ε_j ε′_i ε′_j + δ_ij τ_i ε″_i.
+/// Derivatives of a law in logarithmic strain, given ∂τ_i/∂ε_j as `tangent`: ψ_i = τ_i ε′_i,
+/// ψ_ij = ∂τ_i/∂ε_j ε′_i ε′_j + δ_ij τ_i ε″_i.
 fn extended<T: Real, L: Principal<T>, const D: usize>(
     sigma: &Vector<T, D>,
     law: &L,

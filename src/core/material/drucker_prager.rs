@@ -1,11 +1,13 @@
-//! Drucker–Prager sand without cohesion (Klár et al. 2016, "Drucker–Prager elastoplasticity for sand animation", §6) with the
-//! volume correction of Tampubolon et al. 2017 ("Multi-species simulation of porous sand and water mixtures", §4.3.4).
+//! Cohesionless Drucker–Prager sand (Klár et al. 2016, "Drucker–Prager elastoplasticity for sand
+//! animation", §6) with the volume correction of Tampubolon et al. 2017 ("Multi-species simulation
+//! of porous sand and water mixtures", §4.3.4).
 //!
-//! Hencky elasticity inside the cone ‖dev ε‖ + α (dλ + 2μ)/(2μ) tr ε ≤ 0, α = √(2/3) 2 sin φ / (3 − sin φ). The plastic state v_c ≥ 0
-//! is the logarithm of the volume that the grains gained while they were apart: sand resists compression only when it has lost
-//! that again. With ε' = ε + v_c/d:
+//! Hencky elasticity inside the cone ‖dev ε‖ + α (dλ + 2μ)/(2μ) tr ε ≤ 0, α = √(2/3) 2
+//! sin φ / (3 − sin φ). The plastic state v_c ≥ 0 is the logarithm of the volume that the sand
+//! gained while its grains were apart. Sand resists compression only after it has lost that volume
+//! again. With ε' = ε + v_c/d:
 //! * tr ε' ≥ 0: no contact, ε ← 0, v_c ← tr ε';
-//! * else ε ← ε', back to the cone at equal trace if beyond it, v_c ← 0.
+//! * otherwise ε ← ε', projected onto the cone at equal trace if it lies outside, v_c ← 0.
 
 use super::StvkHencky;
 use super::parameters;
@@ -27,7 +29,7 @@ impl<T: Real> DruckerPrager<T> {
         Self { elastic: StvkHencky::new(elastic), slope: T::from_f64(slope) }
     }
 
-    /// Length of the deviator that the cone allows at a negative trace.
+    /// Norm of the deviator that the cone allows at a negative trace.
     fn radius(&self, dimension: usize, trace: T) -> T {
         let d = T::from_i32(dimension as i32);
         let StvkHencky { mu, lambda } = self.elastic;

@@ -1,6 +1,6 @@
-//! Fixed corotated elasticity (Stomakhin, Howes, Schroeder and Teran 2012, "Energetically consistent invertible
-//! elasticity"): ψ = μ Σ (σ_i − 1)² + ½ λ (J − 1)², P = 2μ (F − R) + λ (J − 1) J F⁻ᵀ. Finite and restoring for every F,
-//! inverted ones included.
+//! Fixed corotated elasticity (Stomakhin, Howes, Schroeder and Teran 2012, "Energetically
+//! consistent invertible elasticity"): ψ = μ Σ (σ_i − 1)² + ½ λ (J − 1)²,
+//! P = 2μ (F − R) + λ (J − 1) J F⁻ᵀ. Finite and restoring for every F, inverted ones included.
 
 use super::derivatives::Derivatives;
 use super::lame;
@@ -34,7 +34,7 @@ impl<T: Real> FixedCorotated<T> {
         self.kirchhoff_with_rotation(f, &polar_rotation(f))
     }
 
-    /// τ(F) (Pa) for an F whose polar rotation R is at hand: 2μ (F − R) Fᵀ + λ (J − 1) J I.
+    /// τ(F) (Pa) given the polar rotation R of F: 2μ (F − R) Fᵀ + λ (J − 1) J I.
     #[inline(always)]
     pub fn kirchhoff_with_rotation<const D: usize>(&self, f: &Matrix<T, D>, r: &Matrix<T, D>) -> Matrix<T, D> {
         let j = det(f);
@@ -58,7 +58,8 @@ impl<T: Real> FixedCorotated<T> {
         (energy, add_scaled(&pressure, self.lambda * dilation, &cofactor))
     }
 
-    /// ψ_i = 2μ (σ_i − 1) + λ (J − 1) J/σ_i, without the division: a flat state has J/σ_i too.
+    /// ψ_i = 2μ (σ_i − 1) + λ (J − 1) J/σ_i. J/σ_i is computed without the division, so that it
+    /// exists for flat states too.
     pub fn derivatives<const D: usize>(&self, sigma: &Vector<T, D>) -> Derivatives<T, D> {
         let dilation = product(sigma) - T::ONE;
         let (mut gradient, mut hessian) = ([T::ZERO; D], [[T::ZERO; D]; D]);
@@ -82,7 +83,7 @@ impl<T: Real> FixedCorotated<T> {
     }
 }
 
-/// Π σ_k over the k that are neither i nor j.
+/// Π σ_k over all k other than i and j.
 fn product_without<T: Real, const D: usize>(sigma: &Vector<T, D>, i: usize, j: usize) -> T {
     (0..D).filter(|&k| k != i && k != j).fold(T::ONE, |p, k| p * sigma[k])
 }
@@ -102,7 +103,7 @@ impl<T: Real> Principal<T> for FixedCorotated<T> {
         sigma.map(|s| T::TWO * self.mu * (s - T::ONE) * s + self.lambda * (j - T::ONE) * j)
     }
 
-    /// σ_i² ψ_ii = 2μ σ_i² + λ J²; across the axes 2μ σ_j² (1 − 1/(σ_i + σ_j)) is less.
+    /// σ_i² ψ_ii = 2μ σ_i² + λ J². Across the axes, 2μ σ_j² (1 − 1/(σ_i + σ_j)) is less.
     fn stiffness<const D: usize>(&self, sigma: &Vector<T, D>, _plastic: T) -> T {
         let j = product(sigma);
         let most = sigma.iter().copied().fold(sigma[0], T::max);

@@ -1,8 +1,9 @@
 //! Constitutive laws, one file each, generic in the scalar and the dimension (2: plane strain).
 //!
-//! Every law gives its energy density (J per m³ of the undeformed body) and the Kirchhoff stress τ = P Fᵀ = J σ (Pa); a plastic law also a
-//! return map, and at most one scalar of plastic state. The functions of this module evaluate any [`Material`] in f64 for
-//! diagnostics and pictures.
+//! Every law gives its energy density (J per m³ of the undeformed body) and the Kirchhoff stress
+//! τ = P Fᵀ = J σ (Pa). A plastic law also has a return map and at most one scalar of plastic
+//! state. The functions of this module evaluate any [`Material`] in f64, for diagnostics and
+//! pictures.
 
 mod derivatives;
 mod drucker_prager;
@@ -37,7 +38,7 @@ use crate::maths::real::Real;
 use crate::maths::svd::{Svd, svd};
 use parameters::{Elastic, Material};
 
-/// A law ready to be evaluated.
+/// A constitutive law in the form in which it is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Law<T> {
     FixedCorotated(FixedCorotated<T>),
@@ -50,7 +51,8 @@ pub enum Law<T> {
     Snow(Snow<T>),
 }
 
-/// Evaluates an expression for the law at hand as a [`principal::Principal`]; the other laws have arms of their own.
+/// Evaluates an expression for the law as a [`principal::Principal`]. The other laws have arms of
+/// their own.
 macro_rules! principal {
     ($value:expr, $law:ident => $principal:expr, { $($pattern:pat => $other:expr),+ $(,)? }) => {
         match $value {
@@ -107,7 +109,8 @@ impl<T: Real> Law<T> {
         })
     }
 
-    /// τ(F) (Pa) without viscosity, and the stiffness ρ0 c² of waves at F over that at rest, which shortens the stable step.
+    /// τ(F) (Pa) without viscosity, and the ratio of the stiffness ρ0 c² of waves at F to that at
+    /// rest. The ratio shortens the stable step.
     pub fn kirchhoff<const D: usize>(&self, f: &Matrix<T, D>, plastic: T) -> (Matrix<T, D>, T) {
         let at_rest = self.stiffness_at_rest();
         let (tau, stiffness) = principal!(self, law => principal::kirchhoff(law, f, plastic), {
@@ -142,7 +145,8 @@ impl<T: Real> Law<T> {
         }
     }
 
-    /// Return map and stress at singular values of F, for laws in principal space; none for the others.
+    /// Return map and stress at singular values of F, for laws in principal space. `None` for the
+    /// others.
     #[inline(always)]
     pub fn flow_principal<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Option<Flow<T, D>> {
         principal!(self, law => Some(principal::flow(law, sigma, plastic)), {
@@ -150,7 +154,8 @@ impl<T: Real> Law<T> {
         })
     }
 
-    /// Moves F and the plastic state back to the yield surface, if they are beyond it; elastic laws leave them alone.
+    /// Projects F and the plastic state onto the yield surface if they are outside it. Elastic laws
+    /// leave them unchanged.
     pub fn return_map<const D: usize>(&self, f: &mut Matrix<T, D>, plastic: &mut T) {
         let Svd { u, sigma, v } = svd(f);
         if let Some(flow) = self.flow_principal(&sigma, *plastic) {
@@ -177,8 +182,8 @@ pub fn initial_plastic_state(material: &Material) -> f64 {
     }
 }
 
-/// Energy per undeformed volume (J/m³) at the deformation gradient `f` (row-major 3 × 3; plane strain has F_zz = 1, and all laws but
-/// NACC are then the same in three dimensions).
+/// Energy per undeformed volume (J/m³) at the deformation gradient `f` (row-major 3 × 3). In plane
+/// strain F_zz = 1, and all laws but NACC then agree with their three-dimensional form.
 pub fn energy_density(material: &Material, dimension: usize, f: &[f64; 9], plastic: f64) -> f64 {
     let law = Law::new(material);
     match (&law, dimension) {

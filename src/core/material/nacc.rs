@@ -1,13 +1,19 @@
-//! Non-associative Cam Clay (Wolper et al. 2019, "CD-MPM: continuum damage material point methods for dynamic fracture animation", §4.2).
+//! Non-associative Cam Clay (Wolper et al. 2019, "CD-MPM: continuum damage material point methods
+//! for dynamic fracture animation", §4.2).
 //!
-//! Elasticity: ψ = ½ μ (J^(−2/d) tr b − d) + ½ κ (½ (J² − 1) − ln J), κ = λ + 2μ/d, so that with b_i = σ_i²
-//! s_i = μ J^(−2/d) dev(b)_i, p = −½ κ (J² − 1), τ_i = s_i − p. Yield surface, an ellipse in p and q = √((6 − d)/2) ‖s‖:
-//! y = (1 + 2β) q² + M² (p + β p0)(p − p0) ≤ 0, with p0 = κ (1e-5 + sinh(ξ max(−α, 0))). The plastic state α is the logarithm of the plastic
-//! volume ratio: compaction (α falling) hardens, extension softens until the material has come apart.
+//! Elasticity: ψ = ½ μ (J^(−2/d) tr b − d) + ½ κ (½ (J² − 1) − ln J), κ = λ + 2μ/d. With b_i = σ_i²
+//! the stresses are s_i = μ J^(−2/d) dev(b)_i, p = −½ κ (J² − 1), τ_i = s_i − p.
 //!
-//! Beyond the tips (p > p0, p < −β p0) the state returns to the tip and α takes the volume. Else the deviator is shortened at equal volume,
-//! and α moves as if the state had returned towards the ellipse's centre. The paper takes tr b as it was when it shortens the deviator,
-//! which changes J; here the trace is solved for, so that J and p are kept and the state ends on the surface exactly.
+//! The yield surface is an ellipse in p and q = √((6 − d)/2) ‖s‖: y
+//! = (1 + 2β) q² + M² (p + β p0)(p − p0) ≤ 0, with p0 = κ (1e-5 + sinh(ξ max(−α, 0))). The plastic
+//! state α is the logarithm of the plastic volume ratio. Compaction (falling α) hardens; extension
+//! softens until the material has come apart.
+//!
+//! Beyond the tips (p > p0, p < −β p0) the state returns to the tip and α absorbs the volume
+//! change. Elsewhere the deviator is shortened at equal volume, and α moves as if the state had
+//! returned towards the ellipse's centre. When it shortens the deviator, the paper keeps the old
+//! tr b, which changes J. Here the trace is solved for, so that J and p are kept and the state ends
+//! exactly on the surface.
 
 use super::lame;
 use super::parameters;
@@ -26,9 +32,9 @@ pub struct Nacc<T> {
     pub xi: T,
 }
 
-/// p0 = κ (this + sinh …): what cohesion is left when all hardening is gone.
+/// p0 = κ (this + sinh …): the cohesion that is left when all hardening is gone.
 pub const RESIDUAL: f64 = 1e-5;
-/// Bound on ξ α in the hardening law: p cannot exceed ½ κ, so beyond sinh⁻¹(½) nothing changes.
+/// Bound on ξ α in the hardening law. p cannot exceed ½ κ, so nothing changes beyond sinh⁻¹(½).
 const MAX_HARDENING: f64 = 4.0;
 
 impl<T: Real> Nacc<T> {
@@ -54,7 +60,7 @@ impl<T: Real> Nacc<T> {
         sigma.map(|s| scale * s * s)
     }
 
-    /// Yield function y / κ², and what is bounded by it: p/κ and q/κ.
+    /// Yield function y / κ², p/κ and q/κ.
     pub fn yield_function<const D: usize>(&self, sigma: &Vector<T, D>, alpha: T) -> (T, T, T) {
         let j = product(sigma);
         let p = -T::HALF * (j * j - T::ONE);
@@ -63,7 +69,8 @@ impl<T: Real> Nacc<T> {
         (self.ellipse(p, q, self.strength(alpha)), p, q)
     }
 
-    /// ∂τ_i/∂ε_j, ε = ln σ (Pa): of the deviator μ (2 δ_ij b_i − (2/d) (b_i + b_j) + (2/d²) tr b), b isochoric; of the volume κ J².
+    /// ∂τ_i/∂ε_j, ε = ln σ (Pa). The deviator's part is
+    /// μ (2 δ_ij b_i − (2/d) (b_i + b_j) + (2/d²) tr b), b isochoric; the volume's part is κ J².
     pub(super) fn tangent<const D: usize>(&self, sigma: &Vector<T, D>) -> Matrix<T, D> {
         let j = product(sigma);
         let b = Self::isochoric(sigma, j);
@@ -87,7 +94,7 @@ impl<T: Real> Nacc<T> {
         (T::ONE + T::TWO * self.beta) * q * q + self.m * self.m * (p + self.beta * p0) * (p - p0)
     }
 
-    /// The p/κ at which the line from the ellipse's centre through (p, q) leaves it.
+    /// The p/κ at which the line from the ellipse's centre through (p, q) crosses the ellipse.
     fn towards_centre(&self, p: T, q: T, p0: T) -> T {
         let centre = T::HALF * (T::ONE - self.beta) * p0;
         let (dp, m2) = (p - centre, self.m * self.m);
@@ -98,8 +105,8 @@ impl<T: Real> Nacc<T> {
     }
 }
 
-/// The trace of the isochoric b with a given deviator: Π (d_i + m) = 1, solved for m from above by Newton's iteration, which
-/// converges monotonically.
+/// The mean m of the isochoric b with the deviator d, solved from Π (d_i + m) = 1. Newton's
+/// iteration starts from above and converges monotonically.
 fn isochoric_mean<T: Real, const D: usize>(deviator: &Vector<T, D>, start: T) -> T {
     let mut m = start;
     for _ in 0..8 {
@@ -122,7 +129,8 @@ fn isochoric_mean<T: Real, const D: usize>(deviator: &Vector<T, D>, start: T) ->
 
 impl<T: Real> Principal<T> for Nacc<T> {
     fn energy<const D: usize>(&self, sigma: &Vector<T, D>, _alpha: T) -> T {
-        // In e = dev ln σ and ln J, whose sums e^2x − 1 − 2x keep the digits that tr b − d and J² − 1 − 2 ln J lose near rest.
+        // In terms of e = dev ln σ and ln J. The sums e^2x − 1 − 2x keep the digits that tr b − d
+        // and J² − 1 − 2 ln J lose near rest.
         let excess = |x: T| (T::TWO * x).exp_m1() - T::TWO * x;
         let (mean, deviator) = mean_and_deviator(&sigma.map(T::ln));
         let isochoric = deviator.iter().map(|&e| excess(e)).sum::<T>();
@@ -136,7 +144,8 @@ impl<T: Real> Principal<T> for Nacc<T> {
         deviator.map(|d| self.mu * d + T::HALF * self.kappa(D) * (j * j - T::ONE))
     }
 
-    /// σ_i² ψ_ii = ½ μ ((2 − 8/d) b_i + (4/d² + 2/d) tr b) J^(−2/d) + ½ κ (J² + 1); across the axes μ J^(−2/d) b_j.
+    /// σ_i² ψ_ii = ½ μ ((2 − 8/d) b_i + (4/d² + 2/d) tr b) J^(−2/d) + ½ κ (J² + 1). Across the axes
+    /// it is μ J^(−2/d) b_j.
     fn stiffness<const D: usize>(&self, sigma: &Vector<T, D>, _alpha: T) -> T {
         let j = product(sigma);
         let b = Self::isochoric(sigma, j);

@@ -1,6 +1,9 @@
-//! Compressible neo-Hookean elasticity (Bonet and Wood, "Nonlinear continuum mechanics for finite element analysis",
-//! §6.4.3): ψ = ½ μ (tr FᵀF − d) − μ ln J + ½ λ ln² J, τ = μ (F Fᵀ − I) + λ ln J I. Infinite at J = 0, undefined (NaN)
-//! below: an inverted particle is a divergence that the engine reports.
+//! Compressible neo-Hookean elasticity (Bonet and Wood, "Nonlinear continuum mechanics for finite
+//! element analysis", §6.4.3): ψ = ½ μ (tr FᵀF − d) − μ ln J + ½ λ ln² J,
+//! τ = μ (F Fᵀ − I) + λ ln J I.
+//!
+//! ψ is infinite at J = 0 and undefined (NaN) below. An inverted particle is a divergence, which
+//! the engine reports.
 
 use super::derivatives::Derivatives;
 use super::lame;
@@ -28,8 +31,9 @@ impl<T: Real> NeoHookean<T> {
         self.energy_and_pk1(f).0
     }
 
-    /// ψ(F) (J/m³) and P(F) = F⁻ᵀ (2μ E + λ ln J I) (Pa), both from Green's strain E = ½ (FᵀF − I): tr FᵀF − d − 2 ln J would lose
-    /// half the digits of a small strain. ψ is infinite at J ≤ 0, and P means nothing there.
+    /// ψ(F) (J/m³) and P(F) = F⁻ᵀ (2μ E + λ ln J I) (Pa). Both are computed from Green's strain
+    /// E = ½ (FᵀF − I), because tr FᵀF − d − 2 ln J would lose half the digits of a small strain.
+    /// At J ≤ 0, ψ is infinite and P is meaningless.
     pub fn energy_and_pk1<const D: usize>(&self, f: &Matrix<T, D>) -> (T, Matrix<T, D>) {
         let cofactor = cofactor(f);
         let j = dot(&f[0], &cofactor[0]);
@@ -87,7 +91,8 @@ impl<T: Real> NeoHookean<T> {
         tau
     }
 
-    /// Bound on the stiffness ρ0 c² (Pa) at F: σ_i² ψ_ii = μ (σ_i² + 1) + λ (1 − ln J); across the axes μ σ_j² is less.
+    /// Bound on the stiffness ρ0 c² (Pa) at F: σ_i² ψ_ii = μ (σ_i² + 1) + λ (1 − ln J). Across the
+    /// axes, μ σ_j² is less.
     #[inline(always)]
     pub fn stiffness_at<const D: usize>(&self, f: &Matrix<T, D>) -> T {
         self.mu * (largest_stretch_squared(f) + T::ONE) + self.lambda * (T::ONE - det(f).ln())

@@ -1,4 +1,5 @@
-//! Tests of the laws in principal space: stress against energy, stiffness against stress, and return maps as properties.
+//! Tests of the laws in principal space: stress against energy, stiffness against stress, and
+//! properties of the return maps.
 
 use proptest::prelude::*;
 use rand::{Rng, SeedableRng, rngs::StdRng};
@@ -12,7 +13,7 @@ use crate::maths::svd::svd;
 
 const ELASTIC: Elastic = Elastic { density: 1000.0, youngs_modulus: 1e5, poissons_ratio: 0.3 };
 
-/// A plastic state that the law can be in, from a number in [0, 1).
+/// A plastic state that the law can reach, from a number in [0, 1).
 fn plastic_state(material: &Material, share: f64) -> f64 {
     match material {
         Material::DruckerPrager(_) => {
@@ -96,7 +97,7 @@ fn stress_and_stiffness_follow_the_energy() {
                 Law::FixedCorotated(law) => check_principal(law, sigma, plastic, &what),
                 Law::NeoHookean(_) | Law::WeaklyCompressibleFluid(_) => {},
             });
-            // The bound from F alone is above the one from its singular values, and close.
+            // The bound from F alone is above the one from its singular values, and close to it.
             let f = stretched(&rotation::<3>(rng), &sigma, &rotation(rng));
             if let Law::FixedCorotated(law) = &law {
                 let (exact, bound) = (Principal::stiffness(law, &sigma, 0.0), law.stiffness_at(&f));
@@ -109,7 +110,7 @@ fn stress_and_stiffness_follow_the_energy() {
     }
 }
 
-/// How far beyond the yield surface a state is, over the modulus; at most 0 inside.
+/// How far outside the yield surface a state is, relative to the modulus; at most 0 inside.
 fn yield_excess<const D: usize>(law: &Law<f64>, sigma: &Vector<f64, D>, plastic: f64) -> f64 {
     let norm = |v: Vector<f64, D>| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let deviator = |v: Vector<f64, D>| {
@@ -145,12 +146,13 @@ fn check_return<const D: usize>(material: &Material, f: Matrix<f64, D>, plastic:
         return;
     }
     let sigma = svd(&after).sigma;
-    // Hardening moves the surface after the state has reached it: the one that it reached is that of the old α.
+    // Hardening moves the surface after the state has reached it. The state lies on the surface of
+    // the old α.
     let surface = if let Law::Nacc(_) = law { plastic } else { state };
     let excess = yield_excess(&law, &sigma, surface);
     let scale = sigma.iter().fold(1.0f64, |m, s| m.max(s * s));
     assert!(excess <= 1e-9 * scale, "{material:?}: {excess} beyond the surface at {sigma:?} from {:?}", svd(&f).sigma);
-    // Again with the surface where it was: nothing moves.
+    // Applied again with the old surface, the map changes nothing.
     let (mut again, mut state_again) = (after, surface);
     law.return_map(&mut again, &mut state_again);
     let size = after.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
@@ -163,7 +165,10 @@ fn entries(size: f64) -> impl Strategy<Value = [f64; 9]> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(32), ..ProptestConfig::with_cases(400) })]
+    #![proptest_config(ProptestConfig {
+        rng_seed: proptest::test_runner::RngSeed::Fixed(32),
+        ..ProptestConfig::with_cases(400)
+    })]
 
     #[test]
     fn return_maps_end_on_the_surface_and_stay(e in entries(0.3), share in 0.0..1.0f64, compression in -0.5..0.3f64) {
@@ -172,7 +177,9 @@ proptest! {
             let f = |i: usize, k: usize| e[3 * i + k] + if i == k { 1.0 + compression } else { 0.0 };
             let f3: Matrix<f64, 3> = std::array::from_fn(|i| std::array::from_fn(|k| f(i, k)));
             let f2: Matrix<f64, 2> = std::array::from_fn(|i| std::array::from_fn(|k| f(i, k)));
-            let fluid_or_inverted = |j: f64| j <= 0.05 && matches!(material, Material::NeoHookean(_) | Material::WeaklyCompressibleFluid(_));
+            let fluid_or_inverted = |j: f64| {
+                j <= 0.05 && matches!(material, Material::NeoHookean(_) | Material::WeaklyCompressibleFluid(_))
+            };
             if !fluid_or_inverted(det(&f3)) {
                 check_return(&material, f3, plastic);
             }
@@ -183,11 +190,16 @@ proptest! {
     }
 
     #[test]
-    fn return_maps_are_finite_for_any_finite_state(e in entries(1.0), exponent in -30.0..30.0f64, share in 0.0..1.0f64, flat in 0usize..4) {
+    fn return_maps_are_finite_for_any_finite_state(
+        e in entries(1.0),
+        exponent in -30.0..30.0f64,
+        share in 0.0..1.0f64,
+        flat in 0usize..4,
+    ) {
         for material in samples().iter().filter(|m| Law::<f64>::new(m).is_principal()) {
             let size = 10f64.powf(exponent);
             let mut f: Matrix<f64, 3> = std::array::from_fn(|i| std::array::from_fn(|k| size * e[3 * i + k]));
-            // Singular states too.
+            // Singular states as well.
             if flat < 3 {
                 f[flat] = [0.0; 3];
             }
@@ -224,7 +236,7 @@ fn volume_rules() {
                 Material::VonMises(metal) if metal.elasticity == parameters::Elasticity::Hencky => {
                     assert!((now / before - 1.0).abs() < 1e-12);
                 }
-                // Elastic and plastic volume make up the whole.
+                // The elastic and plastic volumes make up the total.
                 Material::DruckerPrager(_) => {
                     assert!((now.ln() + state - before.ln() - plastic).abs() < 1e-12, "{state} from {plastic}");
                 }
@@ -233,7 +245,8 @@ fn volume_rules() {
                     let law = Nacc::<f64>::new(clay, &ELASTIC);
                     let (y, p, _) = law.yield_function(&svd(&f).sigma, plastic);
                     let tips = (-0.5 * (now * now - 1.0) - p).abs() > 1e-9;
-                    // At the tips the plastic volume takes the change, elsewhere there is none.
+                    // At the tips the plastic volume absorbs the change; elsewhere it does not
+                    // change.
                     if tips {
                         assert!((now.ln() + state - before.ln() - plastic).abs() < 1e-12);
                     } else {
@@ -254,7 +267,8 @@ fn sand_must_lose_the_volume_that_it_gained() {
     let mut gained = 0.0;
     law.return_map(&mut f, &mut gained);
     assert!(f == identity::<f64, 3>() && (gained - 1.1f64.ln()).abs() < 1e-15);
-    // Half of it back: still no stress. All of it and more: the rest is felt.
+    // After half of the volume is lost again there is still no stress. After all of it and more,
+    // the rest is resisted.
     let mut half = [[1.1f64.powf(-0.5), 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     law.return_map(&mut half, &mut gained);
     assert!((gained - 0.5 * 1.1f64.ln()).abs() < 1e-12);

@@ -1,18 +1,21 @@
-//! Isotropic laws in principal space, where each is a few lines: F = U Σ Vᵀ, τ = U diag(τ_i) Uᵀ, and a return map moves Σ alone.
+//! Isotropic laws in principal space, where each takes a few lines: F = U Σ Vᵀ, τ = U diag(τ_i) Uᵀ,
+//! and a return map changes Σ alone.
 
 use crate::maths::linalg::{Matrix, Vector, mul_transpose};
 use crate::maths::real::Real;
 use crate::maths::svd::{Svd, svd};
 
-/// Stretches that the laws see are at least this, so that logarithms of flat and inverted states exist …
+/// Lower bound of the stretches that laws see, so that logarithms of flat and inverted states
+/// exist.
 pub const MIN_STRETCH: f64 = 1e-4;
-/// … and at most this, so that products of three fit f32.
+/// Upper bound of the stretches that laws see, so that products of three fit f32.
 pub const MAX_STRETCH: f64 = 1e4;
 
-/// An isotropic law. `sigma` are the singular values of F within [[`MIN_STRETCH`], [`MAX_STRETCH`]], `plastic` is the law's
-/// scalar plastic state (what it means, if anything, is said by each law).
+/// An isotropic law. `sigma` are the singular values of F, clamped to [[`MIN_STRETCH`],
+/// [`MAX_STRETCH`]]. `plastic` is the scalar plastic state; each law says what it means, if
+/// anything.
 pub trait Principal<T: Real> {
-    /// Whether anything flows. An elastic law leaves F as it is, inverted states included.
+    /// Whether the law is plastic. An elastic law leaves F as it is, inverted states included.
     const PLASTIC: bool = true;
 
     /// ψ (J/m³).
@@ -21,11 +24,13 @@ pub trait Principal<T: Real> {
     /// Principal Kirchhoff stresses τ_i = σ_i ∂ψ/∂σ_i (Pa).
     fn kirchhoff<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Vector<T, D>;
 
-    /// Bound on the stiffness ρ0 c² (Pa) of waves through a body at this state, c² = (1/ρ0) max(σ_i² ψ_ii,
-    /// σ_j² (σ_i ψ_i − σ_j ψ_j) / (σ_i² − σ_j²)) (Sun, Shinar & Schroeder 2020); λ + 2μ at rest.
+    /// Bound on the stiffness ρ0 c² (Pa) of waves through a body at this state, c² = (1/ρ0)
+    /// max(σ_i² ψ_ii, σ_j² (σ_i ψ_i − σ_j ψ_j) / (σ_i² − σ_j²)) (Sun, Shinar & Schroeder 2020);
+    /// λ + 2μ at rest.
     fn stiffness<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> T;
 
-    /// The state on the yield surface for a trial state beyond it; none inside, where nothing flows.
+    /// The state on the yield surface that a trial state outside it returns to. `None` inside,
+    /// where nothing flows.
     fn return_map<const D: usize>(&self, _sigma: &Vector<T, D>, _plastic: T) -> Option<(Vector<T, D>, T)> {
         None
     }
@@ -48,12 +53,12 @@ pub fn kirchhoff<T: Real, const D: usize>(law: &impl Principal<T>, f: &Matrix<T,
     (spectral(&u, &tau, &u), law.stiffness(&sigma, plastic))
 }
 
-/// A state on or inside the yield surface, and what it does there.
+/// A state on or inside the yield surface, with its stress and stiffness.
 #[derive(Clone, Copy, Debug)]
 pub struct Flow<T, const D: usize> {
     pub sigma: Vector<T, D>,
     pub plastic: T,
-    /// Whether `sigma` is another than it was.
+    /// Whether the return map changed `sigma`.
     pub moved: bool,
     /// Principal Kirchhoff stresses (Pa).
     pub tau: Vector<T, D>,

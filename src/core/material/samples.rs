@@ -1,8 +1,8 @@
-//! One material of every law: what comparisons of the laws run over, so that none is forgotten.
+//! One material of every law, for tests that compare the laws, so that none is forgotten.
 
 use super::parameters::{DruckerPrager, Elastic, Elasticity, Fluid, Material, Nacc, Snow, VonMises};
 
-/// One material of every law, by a match that the compiler keeps complete.
+/// One material of every law. The compiler keeps the match complete.
 pub fn samples() -> Vec<Material> {
     let (density, youngs_modulus, poissons_ratio) = (1000.0, 1e5, 0.3);
     let elastic = Elastic { density, youngs_modulus, poissons_ratio };

@@ -1,6 +1,7 @@
-//! Snow (Stomakhin et al. 2013, "A material point method for snow simulation", §5): fixed corotated elasticity, stretches clamped to
-//! [1 − θc, 1 + θs]; what the clamp takes goes into the plastic volume ratio J_p, and the moduli grow with e^(ξ (1 − J_p)).
-//! ξ = 0 is snow without hardening.
+//! Snow (Stomakhin et al. 2013, "A material point method for snow simulation", §5): fixed corotated
+//! elasticity with stretches clamped to [1 − θc, 1 + θs]. What the clamp removes goes into the
+//! plastic volume ratio J_p, and the moduli grow with e^(ξ (1 − J_p)). ξ = 0 is snow without
+//! hardening.
 
 use super::FixedCorotated;
 use super::parameters;
@@ -51,11 +52,11 @@ impl<T: Real> Principal<T> for Snow<T> {
 
     fn return_map<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Option<(Vector<T, D>, T)> {
         let clamped = sigma.map(|s| s.max(self.least).min(self.most));
-        // Extension beyond measure would only shrink moduli that are gone already.
+        // Further extension would only shrink moduli that have vanished already.
         let volume = (plastic * product(sigma) / product(&clamped)).min(T::from_f64(MAX_PLASTIC_VOLUME));
         (clamped != *sigma).then_some((clamped, volume))
     }
 }
 
-/// Largest J_p kept; the moduli have vanished long before.
+/// Largest J_p kept; the moduli have vanished long before that.
 pub const MAX_PLASTIC_VOLUME: f64 = 1e4;

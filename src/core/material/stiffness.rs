@@ -1,12 +1,15 @@
 //! ∂P/∂F of isotropic laws, made positive semidefinite.
 //!
-//! In the bases of F = U Σ Vᵀ the d² × d² derivative falls apart (Stomakhin et al. 2012, "Energetically consistent invertible elasticity";
-//! Teran et al. 2005, "Robust quasistatic finite elements and flesh simulation"): with dF' = Uᵀ dF V,
+//! In the bases of F = U Σ Vᵀ the d² × d² derivative is block diagonal (Stomakhin et al. 2012,
+//! "Energetically consistent invertible elasticity"; Teran et al. 2005, "Robust quasistatic finite
+//! elements and flesh simulation"). With dF' = Uᵀ dF V its blocks are:
 //! * dP'_ii = Σ_j ψ_ij dF'_jj, a d × d matrix A;
-//! * for each pair of axes i ≠ j a 2 × 2 matrix ½ [[m + p, m − p], [m − p, m + p]] of (dF'_ij, dF'_ji), with the eigenvalues
-//!   m = (ψ_i − ψ_j)/(σ_i − σ_j) (shear) and p = (ψ_i + ψ_j)/(σ_i + σ_j) (turning).
+//! * for each pair of axes i ≠ j a 2 × 2 matrix ½ [[m + p, m − p], [m − p, m + p]] of
+//!   (dF'_ij, dF'_ji), with the eigenvalues m = (ψ_i − ψ_j)/(σ_i − σ_j) (shear) and p
+//!   = (ψ_i + ψ_j)/(σ_i + σ_j) (rotation).
 //!
-//! So that clamping the eigenvalues of A and each m and p at 0 clamps those of the whole.
+//! Clamping the eigenvalues of A and each m and p at 0 therefore clamps those of the whole
+//! derivative.
 
 use super::derivatives::{Derivatives, EXTENSION};
 use super::principal::spectral;
@@ -24,27 +27,29 @@ pub struct Projected<T, const D: usize> {
     pub v: Matrix<T, D>,
     /// A (Pa).
     pub axial: Matrix<T, D>,
-    /// (½ (m + p), ½ (m − p)) (Pa) of the pair of axes other than k; in two dimensions k = 2 is the only one.
+    /// (½ (m + p), ½ (m − p)) (Pa) of the pair of axes other than k. In two dimensions only k = 2
+    /// exists.
     pub pairs: [[T; 2]; 3],
 }
 
-/// Smallest σ_i + σ_j divided by.
+/// Smallest divisor σ_i + σ_j.
 const LEAST_SUM: f64 = 1e-6;
 
-/// The pairs of axes by the axis that is not in them.
+/// The pairs of axes, indexed by the axis that is not in the pair.
 fn pairs<const D: usize>() -> impl Iterator<Item = (usize, usize, usize)> {
     [(0, 1, 2), (1, 2, 0), (2, 0, 1)].into_iter().filter(|&(_, i, j)| i < D && j < D)
 }
 
 impl<T: Real, const D: usize> Projected<T, D> {
-    /// The derivative itself, indefinite where ψ is not convex.
+    /// The derivative itself, which is indefinite where ψ is not convex.
     pub(super) fn exact(at: &Svd<T, D>, derivatives: &Derivatives<T, D>) -> Self {
         let Derivatives { gradient: g, hessian: h, .. } = derivatives;
         let mut values = [[T::ZERO; 2]; 3];
         for (k, i, j) in pairs::<D>() {
             let (a, b) = (at.sigma[i], at.sigma[j]);
             let difference = a - b;
-            // Near equal stretches the quotient loses digits, and half the second derivative across them has an error of its square only.
+            // Near equal stretches the quotient loses digits. Half the second derivative across
+            // them then has an error of only the square of their difference.
             let near = T::EPSILON.powf(T::from_f64(1.0 / 3.0)) * (a.abs() + b.abs()).max(T::from_f64(EXTENSION));
             let shear = if difference.abs() > near {
                 (g[i] - g[j]) / difference
@@ -57,7 +62,7 @@ impl<T: Real, const D: usize> Projected<T, D> {
         Self { u: at.u, v: at.v, axial: *h, pairs: values }
     }
 
-    /// The nearest positive semidefinite one.
+    /// The nearest positive semidefinite tensor.
     pub(super) fn clamped(mut self) -> Self {
         self.axial = semidefinite(&self.axial);
         for pair in &mut self.pairs {
@@ -90,12 +95,13 @@ impl<T: Real, const D: usize> Projected<T, D> {
         mul_transpose(&mul(&self.u, &out), &self.v)
     }
 
-    /// K_abcd = Σ_kl F_bk F_dl ∂P_ak/∂F_cl (Pa): the derivative of P Fᵀ at fixed `f` with respect to a velocity gradient that acts on
-    /// `f`, so that a pair of nodes has the stiffness V0 Σ_bd g_b K_abcd g'_d. Symmetric under (ab) ↔ (cd).
+    /// K_abcd = Σ_kl F_bk F_dl ∂P_ak/∂F_cl (Pa): the derivative of P Fᵀ at fixed `f` with respect
+    /// to a velocity gradient that acts on `f`. A pair of nodes then has the stiffness V0 Σ_bd g_b
+    /// K_abcd g'_d. Symmetric under (ab) ↔ (cd).
     pub fn spatial(&self, f: &Matrix<T, D>) -> Tensor4<T, D> {
         let (u, w) = (transpose(&self.u), transpose(&mul(f, &self.v)));
         let mut k = [[[[T::ZERO; D]; D]; D]; D];
-        // The derivative is a sum over pairs of the modes u_i v_jᵀ, and F takes v_j to w_j.
+        // The derivative is a sum over pairs of the modes u_i v_jᵀ, and F maps v_j to w_j.
         for i in 0..D {
             let mut stress = [[T::ZERO; D]; D];
             for j in 0..D {
@@ -141,8 +147,9 @@ fn add_product<T: Real, const D: usize>(k: &mut Tensor4<T, D>, a: &Vector<T, D>,
     }
 }
 
-/// The nearest positive semidefinite matrix to a symmetric one: itself, or ½ (A + H) with H = (A²)^½ of its polar decomposition (Higham 1988,
-/// "Computing a nearest symmetric positive semidefinite matrix").
+/// The nearest positive semidefinite matrix to a symmetric one: the matrix itself, or ½ (A + H)
+/// with H = (A²)^½ from its polar decomposition (Higham 1988, "Computing a nearest symmetric
+/// positive semidefinite matrix").
 fn semidefinite<T: Real, const D: usize>(a: &Matrix<T, D>) -> Matrix<T, D> {
     if is_definite(a) {
         return *a;
@@ -158,7 +165,7 @@ fn semidefinite<T: Real, const D: usize>(a: &Matrix<T, D>) -> Matrix<T, D> {
     nearest
 }
 
-/// Whether elimination meets positive pivots only.
+/// Whether elimination meets only positive pivots.
 fn is_definite<T: Real, const D: usize>(a: &Matrix<T, D>) -> bool {
     let mut a = *a;
     for k in 0..D {

@@ -3,8 +3,9 @@
 use crate::maths::linalg::{Matrix, double_dot, mul_transpose, trace};
 use crate::maths::real::Real;
 
-/// Bound on the largest σ_i² from above: m + √((d − 1)/d) ‖dev F Fᵀ‖, m the mean (Wolkowicz & Styan 1980, "Bounds for eigenvalues using
-/// traces"); exact in 2D, and when the smaller ones are equal.
+/// Upper bound on the largest σ_i²: m + √((d − 1)/d) ‖dev F Fᵀ‖, m the mean (Wolkowicz & Styan
+/// 1980, "Bounds for eigenvalues using traces"). It is exact in 2D, and in 3D when the two smaller
+/// ones are equal.
 #[inline(always)]
 pub fn largest_stretch_squared<T: Real, const D: usize>(f: &Matrix<T, D>) -> T {
     let mut deviator = mul_transpose(f, f);

@@ -1,6 +1,8 @@
-//! St. Venant–Kirchhoff elasticity in Hencky (logarithmic) strain: with ε_i = ln σ_i, ψ = μ Σ ε_i² + ½ λ (Σ ε_i)²,
-//! τ_i = 2μ ε_i + λ Σ ε_i. The plastic laws build on it, because a return map along a straight line in ε is exact (Klár et al. 2016,
-//! "Drucker–Prager elastoplasticity for sand animation", §5).
+//! St. Venant–Kirchhoff elasticity in Hencky (logarithmic) strain: with ε_i = ln σ_i,
+//! ψ = μ Σ ε_i² + ½ λ (Σ ε_i)², τ_i = 2μ ε_i + λ Σ ε_i.
+//!
+//! Plastic laws build on it, because a return map along a straight line in ε is exact
+//! (Klár et al. 2016, "Drucker–Prager elastoplasticity for sand animation", §5).
 
 use super::lame;
 use super::parameters::Elastic;
@@ -46,7 +48,8 @@ impl<T: Real> Principal<T> for StvkHencky<T> {
         strain.map(|e| T::TWO * self.mu * e + self.lambda * trace)
     }
 
-    /// Along the axes σ_i² ψ_ii = λ + 2μ − τ_i; across them 2μ Δ/(1 − e^−2Δ) ≤ μ (1 + 2Δ), Δ the difference of two strains.
+    /// Along the axes σ_i² ψ_ii = λ + 2μ − τ_i. Across them 2μ Δ/(1 − e^−2Δ) ≤ μ (1 + 2Δ), Δ the
+    /// difference of two strains.
     fn stiffness<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> T {
         let (mut low, mut high) = (sigma[0], sigma[0]);
         for s in sigma {

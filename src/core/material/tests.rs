@@ -18,7 +18,7 @@ fn random<const D: usize>(rng: &mut StdRng) -> Matrix<f64, D> {
     m
 }
 
-/// Random rotations about the given singular values.
+/// Random rotations of the given singular values.
 fn deformation<const D: usize>(rng: &mut StdRng, sigma: [f64; D]) -> Matrix<f64, D> {
     let mut stretch = identity();
     for i in 0..D {
@@ -27,7 +27,7 @@ fn deformation<const D: usize>(rng: &mut StdRng, sigma: [f64; D]) -> Matrix<f64,
     mul_transpose(&mul(&svd(&random(rng)).u, &stretch), &svd(&random(rng)).u)
 }
 
-/// dψ((I + ε G) F)/dε at 0 is τ : G, for every G.
+/// Checks that dψ((I + ε G) F)/dε at 0 is τ : G, for every G.
 fn check_stress<const D: usize>(
     rng: &mut StdRng,
     f: &Matrix<f64, D>,

@@ -1,13 +1,14 @@
-//! Von Mises plasticity without hardening: the deviator of the Kirchhoff stress is at most √(2/3) σ_Y long, σ_Y the yield
-//! stress in uniaxial tension.
+//! Von Mises plasticity without hardening: the norm of the Kirchhoff stress deviator is at most
+//! √(2/3) σ_Y, σ_Y the yield stress in uniaxial tension.
 //!
-//! * Hencky: the deviator of ε is shortened, tr ε and so J are kept exactly (radial return).
-//! * Fixed corotated: the deviator of τ is shortened and τ_i = 2μ (σ_i − 1) σ_i + λ (J − 1) J solved for σ_i with J held
-//!   (HOT, Wang et al. 2020, as its authors' code does): the deviator does not depend on J, so the result is on the surface exactly,
-//!   while J moves by a second-order amount.
+//! * Hencky: the deviator of ε is shortened, and tr ε and so J are kept exactly (radial return).
+//! * Fixed corotated: the deviator of τ is shortened, and τ_i = 2μ (σ_i − 1) σ_i + λ (J − 1) J is
+//!   solved for σ_i with J held fixed (HOT, Wang et al. 2020, as in its authors' code). The
+//!   deviator does not depend on J, so the result lies exactly on the surface, while J changes by a
+//!   second-order amount.
 //!
-//! In two dimensions plane plastic flow carries the same √(2/3) σ_Y (the stress across the plane is then the mean of the other two), so
-//! the radius does not depend on the dimension.
+//! In two dimensions, plane plastic flow has the same bound √(2/3) σ_Y (the stress across the plane
+//! is then the mean of the other two). The radius therefore does not depend on the dimension.
 
 use super::parameters::{self, Elasticity};
 use super::principal::{Principal, mean_and_deviator, norm};
@@ -58,7 +59,8 @@ impl<T: Real> Principal<T> for VonMises<T> {
 
     fn return_map<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Option<(Vector<T, D>, T)> {
         let two_mu = T::TWO * self.hencky.mu;
-        // The part of the principal stress that a deviator can have: 2μ ln σ or 2μ (σ − 1) σ.
+        // The part of the principal stress that contributes to the deviator: 2μ ln σ or
+        // 2μ (σ − 1) σ.
         let shear = match self.elasticity {
             Elasticity::Hencky => sigma.map(|s| two_mu * s.ln()),
             Elasticity::FixedCorotated => sigma.map(|s| two_mu * (s - T::ONE) * s),

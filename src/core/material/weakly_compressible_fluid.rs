@@ -1,6 +1,7 @@
-//! Weakly compressible fluid with the Tait (Cole) equation of state (Tampubolon et al. 2017, "Multi-species simulation of
-//! porous sand and water mixtures"; CK-MPM §6): p = B (J^−γ − 1), B = K/γ with K the bulk modulus at rest;
-//! σ = −p I + μ (∇v + ∇vᵀ). Its only state is J, J ← (1 + dt tr ∇v) J.
+//! Weakly compressible fluid with the Tait (Cole) equation of state (Tampubolon et al. 2017,
+//! "Multi-species simulation of porous sand and water mixtures"; CK-MPM §6): p = B (J^−γ − 1),
+//! B = K/γ with K the bulk modulus at rest; σ = −p I + μ (∇v + ∇vᵀ). Its only state is J,
+//! J ← (1 + dt tr ∇v) J.
 
 use super::parameters::Fluid;
 use crate::maths::linalg::Matrix;
@@ -52,13 +53,14 @@ impl<T: Real> WeaklyCompressibleFluid<T> {
         tau
     }
 
-    /// Stiffness ρ0 c² over that at rest, of the bulk (J² ψ'' / K = J^(1−γ)) and of a lone particle (Sun, Shinar & Schroeder 2020:
-    /// with λ_J = ψ'(J)/(J − 1), 2J³/(J + 1) λ_J/K for J ≥ 1 and (2 − J)² λ_J/K below), whichever is larger.
+    /// Ratio of the stiffness ρ0 c² to that at rest, the larger of two: of the bulk,
+    /// J² ψ'' / K = J^(1−γ), and of a lone particle. The latter, with λ_J = ψ'(J)/(J − 1), is
+    /// 2J³/(J + 1) λ_J/K for J ≥ 1 and (2 − J)² λ_J/K below (Sun, Shinar & Schroeder 2020).
     #[inline(always)]
     pub fn stiffening(&self, j: T, pressure: T) -> T {
         let modulus = self.b * self.gamma;
         let strain = j - T::ONE;
-        // ψ' = −p; at rest the secant is the modulus.
+        // ψ' = −p; at rest the secant modulus is the tangent modulus.
         let secant = if strain.abs() > T::from_f64(1e-3) { -pressure / (strain * modulus) } else { T::ONE };
         let lone = if strain > T::ZERO { T::TWO * j * j * j / (j + T::ONE) } else { (T::TWO - j) * (T::TWO - j) };
         let bulk = j * (pressure / self.b + T::ONE);

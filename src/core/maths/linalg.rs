@@ -1,12 +1,13 @@
-//! Vectors and square matrices of 2 or 3 dimensions as plain arrays, rows first.
+//! Vectors and square matrices of 2 or 3 dimensions as plain arrays, in row-major order.
 //!
-//! Free functions over arrays inline completely, so that loops over particles that call them are vectorised as a whole.
+//! Free functions over arrays are inlined completely, so that loops over particles that call them
+//! vectorise as a whole.
 
 use super::real::Real;
 
 /// A vector of `D` components.
 pub type Vector<T, const D: usize> = [T; D];
-/// A `D` × `D` matrix, rows first.
+/// A `D` × `D` matrix, row-major.
 pub type Matrix<T, const D: usize> = [[T; D]; D];
 
 /// The identity times `diagonal`.
@@ -113,7 +114,7 @@ pub fn double_dot<T: Real, const D: usize>(a: &Matrix<T, D>, b: &Matrix<T, D>) -
     sum
 }
 
-/// Cofactor matrix, det(a) a⁻ᵀ; exists for singular matrices too.
+/// Cofactor matrix, det(a) a⁻ᵀ; it exists for singular matrices too.
 #[inline(always)]
 pub fn cofactor<T: Real, const D: usize>(a: &Matrix<T, D>) -> Matrix<T, D> {
     let mut m = *a;

@@ -1,4 +1,5 @@
-//! Small fixed-size linear algebra in any scalar, decompositions, and compilation for wide vectors.
+//! Small fixed-size linear algebra in any scalar, decompositions, and compilation for wide vector
+//! units.
 
 pub mod linalg;
 pub mod real;

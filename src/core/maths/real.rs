@@ -1,7 +1,8 @@
-//! The scalar that numerics are generic in: `f32` or `f64`.
+//! The scalar type that numerics are generic in: `f32` or `f64`.
 //!
-//! Only what the formulas need, and nothing that would keep a loop over particles from being vectorised: every method
-//! is a plain hardware operation, except the last few, which call the mathematics library.
+//! It has only what the formulas need, and nothing that would keep a loop over particles from
+//! vectorising. Every method is a plain hardware operation, except the last few, which call the
+//! mathematics library.
 
 use std::fmt::{Debug, Display};
 use std::iter::Sum;
@@ -80,8 +81,8 @@ macro_rules! real {
             }
             #[inline(always)]
             fn floor(self) -> Self {
-                // Adding 1.5 · 2^mantissa rounds to the nearest whole number. Unlike the standard library's `floor` and
-                // `as i32` this is vectorised on every processor.
+                // Adding 1.5 · 2^mantissa rounds to the nearest whole number. Unlike the standard
+                // library's `floor` and `as i32`, this vectorises on every processor.
                 let nearest = (self + $shift) - $shift;
                 if nearest > self { nearest - 1.0 } else { nearest }
             }

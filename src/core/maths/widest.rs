@@ -1,7 +1,9 @@
-//! Compiling a function for the widest vectors that processors commonly have, beside the portable form.
+//! Compiles a function for the widest vector units that processors commonly have, beside the
+//! portable form.
 
-/// Defines a function that runs with AVX2 where the processor has it. Generics are declared in the first brackets and
-/// named in the second. No operation is contracted or reordered, so that the results are the same on every processor.
+/// Defines a function that runs with AVX2 where the processor has it. The first brackets declare
+/// the generics, the second name them. No operation is contracted or reordered, so that results are
+/// the same on every processor.
 #[macro_export]
 macro_rules! widest {
     (
@@ -21,7 +23,7 @@ macro_rules! widest {
                     portable::<$($names)*>($($arg),*)
                 }
                 if std::arch::is_x86_feature_detected!("avx2") {
-                    // SAFETY: the processor has what the function was compiled for.
+                    // SAFETY: the processor has the feature that the function was compiled for.
                     return unsafe { avx2::<$($names)*>($($arg),*) };
                 }
             }

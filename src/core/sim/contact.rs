@@ -25,10 +25,12 @@ pub struct Contact {
     pub friction: f64,
 }
 
-/// The velocity after contact with a surface of unit normal `n` (into the material) that moves at `surface`.
+/// The velocity after contact with a surface of unit normal `n` (into the material) that moves at
+/// velocity `surface`.
 ///
-/// Sticky: the surface's velocity. Slip: the relative velocity loses its normal part. Separate: only an inward normal
-/// part is lost, and Coulomb friction takes up to μ times as much of the tangential part.
+/// Sticky: the surface's velocity. Slip: the relative velocity loses its normal part. Separate:
+/// only an inward normal part is removed, and Coulomb friction removes up to μ times as much of the
+/// tangential part.
 #[inline]
 pub fn respond<T: Real, const D: usize>(
     contact: &Contact,
@@ -61,11 +63,15 @@ pub fn respond<T: Real, const D: usize>(
     relative
 }
 
-/// Which wall of an axis a node belongs to: 0 the lower, 1 the upper. Walls' planes are at node indices 0 and `cells`.
+/// Which wall of an axis a node belongs to: 0 the lower, 1 the upper. The walls' planes are at node
+/// indices 0 and `cells`.
 ///
-/// A single grid's wall nodes are those on or beyond the plane. The compact kernel's node i is a pair at i ± ¼ dx, and both belong to the wall if
-/// i does: with the nearer one alone left free, a body's outermost particles would be held by one of the two grids only, slip through the wall slowly and lose
-/// their energy to it. (A jelly cube that lands on a sticky floor kept 6 % of its energy after 60 ms instead of 77 %; the quadratic kernel's keeps 73 %.)
+/// On a single grid, the wall nodes are those on or beyond the plane. The compact kernel's node i
+/// is a pair at i ± ¼ dx, and both belong to the wall if i does. If the nearer node of the pair
+/// were left free, a body's outermost particles would be held by only one of the two grids. They
+/// would slip through the wall slowly and lose their energy to it. (A jelly cube landing on a
+/// sticky floor kept 6 % of its energy after 60 ms instead of 77 %; with the quadratic kernel it
+/// keeps 73 %.)
 #[inline]
 pub fn wall_side(node: i32, cells: i32) -> Option<usize> {
     if node <= 0 {
@@ -94,10 +100,10 @@ mod tests {
         assert_eq!(after(Slip, 0.0, up, moving), [3.0, 4.0, 0.5]);
         assert_eq!(after(Separate, 0.3, up, [0.0; 3]), up);
         assert_eq!(after(Separate, 0.0, down, [0.0; 3]), [3.0, 4.0, 0.0]);
-        // The normal part 2 is removed; friction 0.5 takes 1 of the tangential speed 5.
+        // The normal part of 2 is removed; friction 0.5 takes 1 of the tangential speed of 5.
         let slowed = after(Separate, 0.5, down, [0.0; 3]);
         assert!((slowed[0] - 2.4).abs() < 1e-15 && (slowed[1] - 3.2).abs() < 1e-15 && slowed[2] == 0.0);
-        // Enough friction holds.
+        // Enough friction to stick.
         assert_eq!(after(Separate, 3.0, down, [0.0; 3]), [0.0; 3]);
         assert_eq!(after(Separate, 9.0, down, moving), moving);
     }

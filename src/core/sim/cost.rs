@@ -1,30 +1,31 @@
-//! What explicit and implicit integration of a problem are predicted to cost, and which of them
-//! `auto` stands for.
+//! Predicted cost of explicit and implicit integration of a problem, and which of the two `auto`
+//! chooses.
 //!
-//! Both predictions are of the state at time 0: the explicit step is the stable one
-//! ([`super::timestep`]), the implicit one is what the motion of particles over the grid allows
-//! (Wang et al. 2020, HOT, §6: CFL-rate stepping). The ratio of the two speeds decides; it is about
-//! the same on CPUs and GPUs, so that the choice does not depend on the device.
+//! Both predictions are for the state at time 0. The explicit step is the stable one
+//! ([`super::timestep`]). The implicit step is the one that the motion of particles over the grid
+//! allows (Wang et al. 2020, HOT, §6: CFL-rate stepping). The ratio of the two speeds decides. It
+//! is about the same on CPUs and GPUs, so the choice does not depend on the device.
 
 use super::particles::Particles;
 use super::setup::{Integrator, Method, Setup};
 use super::source::Source;
 use super::timestep::{Bound, MIN_IMPLICIT_STEP_S, StepPlan, crossing_s, initial_extremes, limits, plan_steps};
 
-/// Explicit particle-steps a second, fixed corotated, f32, two cores of a server
+/// Explicit particle-steps per second: fixed corotated, f32, two cores of a server
 /// (docs/BENCHMARKS.md, fixed-corotated-pair small).
 const EXPLICIT_PARTICLE_STEPS_PER_S: f64 = 9e6;
-/// Implicit particle-steps a second, HOT at ε = 1e-7 on the same cores, quadratic kernel: the first
-/// frames of the reduced HOT scenes had 13 thousand (donut, 25 iterations a step) to 135 thousand
-/// (faceless, 3); low, so that what is nearly even stays explicit (docs/BENCHMARKS.md).
+/// Implicit particle-steps per second: HOT at ε = 1e-7 on the same cores, quadratic kernel. The
+/// first frames of the reduced HOT scenes reached between 13 thousand (donut, 25 iterations per
+/// step) and 135 thousand (faceless, 3). The value is low, so that nearly even cases stay explicit
+/// (docs/BENCHMARKS.md).
 const IMPLICIT_PARTICLE_STEPS_PER_S: f64 = 2e4;
 
-/// One way to integrate a problem, and what it is predicted to cost.
+/// One way to integrate a problem, with its predicted cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction {
     /// Steps that the rules allow (s), the shortest first.
     pub limits: Vec<(f64, Bound)>,
-    /// The first frame's steps.
+    /// Steps of the first frame.
     pub plan: StepPlan,
     /// Steps of the whole run, if the step stays as it is.
     pub steps: u64,
@@ -64,7 +65,7 @@ pub fn implicit(setup: &Setup, particles: &Particles) -> Prediction {
     Prediction::new(setup, limits, IMPLICIT_PARTICLE_STEPS_PER_S)
 }
 
-/// The prediction of the integrator that the problem runs with.
+/// The prediction for the integrator that the problem runs with.
 pub fn chosen(setup: &Setup, particles: &Particles) -> Prediction {
     match setup.integrator {
         Integrator::Implicit => implicit(setup, particles),
@@ -72,7 +73,7 @@ pub fn chosen(setup: &Setup, particles: &Particles) -> Prediction {
     }
 }
 
-/// Why a problem cannot run implicitly, if it cannot.
+/// Why a problem cannot run implicitly; `None` if it can.
 pub fn implicit_fault(setup: &Setup) -> Option<String> {
     let of = |body: &super::setup::Body| &setup.materials[body.material];
     let fluid = setup.bodies.iter().find(|body| of(body).is_fluid());
@@ -86,7 +87,7 @@ pub fn implicit_fault(setup: &Setup) -> Option<String> {
     }
 }
 
-/// What `asked` stands for, and why, in a sentence.
+/// The integrator that `asked` resolves to, and why, in a sentence.
 pub fn choose(setup: &Setup, particles: &Particles, asked: Integrator) -> (Integrator, String) {
     if asked != Integrator::Auto {
         return (asked, "the scene asks for it".into());
@@ -107,7 +108,7 @@ pub fn choose(setup: &Setup, particles: &Particles, asked: Integrator) -> (Integ
     }
 }
 
-/// Particles summed over all frames, in each those that there are.
+/// Particles summed over all frames; each frame counts those that exist in it.
 fn particle_frames(setup: &Setup) -> f64 {
     let emitted = setup.sources.iter().flat_map(|source: &Source| {
         let frames = source.by_frame.iter().enumerate();

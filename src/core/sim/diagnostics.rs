@@ -1,4 +1,4 @@
-//! What a frame is judged by: conserved quantities, energies and extremes of all particles.
+//! Diagnostics of a frame: conserved quantities, energies and extremes over all particles.
 
 mod columns;
 mod solver;
@@ -19,7 +19,8 @@ use crate::material;
 use crate::maths::linalg::determinant;
 
 columns! {
-/// One row of diagnostics. The field names are the columns of the CSV, the keys of the JSON and the fields of the protobuf.
+/// One row of diagnostics. The field names are the columns of the CSV, the keys of the JSON and the
+/// fields of the protobuf.
 Row {
     /// Frame number; 0 is the initial state.
     frame: u64,
@@ -27,7 +28,7 @@ Row {
     time_s: f64,
     /// Sub-steps of this frame.
     steps: u64,
-    /// Their mean length (s).
+    /// Mean sub-step (s).
     dt_s: f64,
     /// Total mass (kg; 2D: kg/m, and so on for all that follows).
     mass_kg: f64,
@@ -55,16 +56,18 @@ Row {
     max_speed: f64,
     /// Smallest volume ratio det F.
     min_J: f64,
-    /// Particles reset because they were alone on their nodes, in this frame.
+    /// Particles reset in this frame because they were alone on their nodes.
     isolated_reset: u64,
-    /// Outer iterations of the implicit integrator in this frame; 0 in explicit runs, as in the two columns that follow.
+    /// Outer iterations of the implicit integrator in this frame; 0 in explicit runs, as in the
+    /// next two columns.
     iterations: u64,
-    /// Its largest residual at the end of a step, in the characteristic norm (HOT §5.2).
+    /// Largest residual at the end of a step, in the characteristic norm (HOT §5.2).
     residual: f64,
-    /// Halvings of its line searches.
+    /// Halvings of the line searches.
     halvings: u64,
     ;
-    /// What the problem's surfaces bear, by [`named_surfaces`]; their columns follow the fixed ones.
+    /// Reactions of the problem's surfaces, in the order of [`named_surfaces`]. Their columns
+    /// follow the fixed ones.
     reactions: Vec<(Surface, Reaction)>,
 }
 }
@@ -77,7 +80,8 @@ impl Row {
         totals.row(setup, frame, time_s, stats)
     }
 
-    /// The header line of the CSV, without line end. What would break a line in a collider's name is written `_`.
+    /// The header line of the CSV, without line end. Characters of a collider's name that would
+    /// break the line become `_`.
     pub fn csv_header(setup: &Setup) -> String {
         let surfaces = named_surfaces(setup);
         let plain = |name: String| name.replace(|c: char| c.is_control() || c == ',' || c == '"', "_");
@@ -92,22 +96,25 @@ impl Row {
     }
 }
 
-/// What the particles of a frame add up to. They may come in parts.
+/// Sums over the particles of a frame, which may be added in parts.
 ///
-/// Sums run in f64 in an order that depends on the particles alone, with compensation, so that the result is the same for any number of
-/// threads and accurate to a few units in the last place.
+/// Sums are accumulated in f64 with compensation, in an order that depends only on the particles.
+/// The result is therefore the same for any number of threads, and accurate to a few units in the
+/// last place.
 ///
-/// A particle stands for the velocity field v + C (x − x_p) weighted by its kernel. With B = Σ w v (x_i − x_p)ᵀ and
-/// D = Σ w (x_i − x_p)(x_i − x_p)ᵀ, its angular momentum beyond x_p × v is L_k = ε_kij B_ji, and its kinetic energy
-/// beyond ½ v² is ½ tr(B Cᵀ), C = B D⁻¹ (Jiang et al. 2015, "The affine particle-in-cell method", §5). PIC has neither.
+/// A particle represents the velocity field v + C (x − x_p) weighted by its kernel. With
+/// B = Σ w v (x_i − x_p)ᵀ and D = Σ w (x_i − x_p)(x_i − x_p)ᵀ, its angular momentum beyond x_p × v
+/// is L_k = ε_kij B_ji, and its kinetic energy beyond ½ v² is ½ tr(B Cᵀ), C = B D⁻¹ (Jiang et al.
+/// 2015, "The affine particle-in-cell method", §5). PIC has neither.
 #[derive(Clone, Copy, Default)]
 pub struct Totals(Tally);
 
 impl Totals {
-    /// Parts of a multiple of so many particles have the sums of the whole, to the bit.
+    /// If the length of every part is a multiple of this, the sums equal those of the whole, bit
+    /// for bit.
     pub const PART: usize = 4096;
 
-    /// Adds the particles that come next in sampling order.
+    /// Adds the next particles in sampling order.
     pub fn add(&mut self, setup: &Setup, particles: &Particles) {
         let partials: Vec<Tally> = (0..particles.len())
             .into_par_iter()
@@ -236,7 +243,8 @@ fn affine_velocity(setup: &Setup, x: [f64; 3], b: &[f64; 9]) -> [f64; 9] {
     let position = std::array::from_fn(|a| (x[a] - setup.origin[a]) / setup.dx);
     let mut d = moment_matrix(setup.kernel, position, setup.dx, setup.dimension);
     for a in 0..3 {
-        // The empty third axis of 2D, and the linear kernel on a node: there B is zero too.
+        // D is singular along the empty third axis of 2D, and for the linear kernel on a node. B is
+        // zero there too.
         if d[4 * a] < 1e-12 * setup.dx * setup.dx {
             d[4 * a] = setup.dx * setup.dx;
         }

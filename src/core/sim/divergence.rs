@@ -1,16 +1,16 @@
-//! Why a run may have blown up: what the state of the particle at fault says, and what helps.
+//! Why a run may have diverged: what the state of the offending particle says, and what helps.
 
 use super::setup::{Material, Setup};
 use crate::material::Law;
 use crate::maths::linalg::{determinant, from_row_major};
 use crate::maths::svd::svd;
 
-/// Compressed to less of its volume than this, a material was too soft for its load.
+/// J below which a material was too soft for its load.
 const CRUSHED: f64 = 0.2;
-/// Stretched further than this, a solid has come apart in all but name.
+/// Stretch above which a solid has in effect come apart.
 const TORN: f64 = 5.0;
 
-/// The particle at fault, as the last known state has it.
+/// The offending particle in its last known state.
 #[derive(Clone, Copy, Debug)]
 pub struct Suspect {
     /// Index into the problem's bodies.
@@ -33,12 +33,14 @@ pub fn likely_cause(setup: &Setup, suspect: &Suspect) -> String {
     }
     if matches!(material, Material::NeoHookean(_)) && j <= 0.05 {
         return format!(
-            "it was turned inside out (J = {j:.3}), where the neo-Hookean law has no stress; take fixed-corotated, a higher youngs_modulus or a smaller dx"
+            "it was turned inside out (J = {j:.3}), where the neo-Hookean law has no stress; take fixed-corotated, \
+             a higher youngs_modulus or a smaller dx"
         );
     }
     if suspect.speed_m_s > wave_m_s {
         return format!(
-            "it moves faster than sound in its material ({:.3e} m/s against {wave_m_s:.3e} m/s), which makes a shock; raise the modulus, lower the speed, or raise particles_per_cell",
+            "it moves faster than sound in its material ({:.3e} m/s against {wave_m_s:.3e} m/s), which makes a \
+             shock; raise the modulus, lower the speed, or raise particles_per_cell",
             suspect.speed_m_s
         );
     }
@@ -49,10 +51,13 @@ pub fn likely_cause(setup: &Setup, suspect: &Suspect) -> String {
     }
     if !material.is_fluid() && stretch > TORN {
         return format!(
-            "it was stretched {stretch:.1} times, further than a body's particles hold together; raise the modulus or particles_per_cell, or take a law that yields"
+            "it was stretched {stretch:.1} times, further than a body's particles hold together; raise the modulus \
+             or particles_per_cell, or take a law that yields"
         );
     }
-    "no strain or speed stands out: a particle at the edge of a body or alone on its nodes; lower solver.cfl or solver.max_dt, or raise particles_per_cell".into()
+    "no strain or speed stands out: a particle at the edge of a body or alone on its nodes; lower solver.cfl or \
+     solver.max_dt, or raise particles_per_cell"
+        .into()
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Small problems for unit tests: boxes of particles on a lattice, made without a scene document.
+//! Small problems for unit tests: boxes of particles on a lattice, built without a scene document.
 
 use super::particles::{IDENTITY, Particles};
 use super::setup::{
@@ -6,10 +6,10 @@ use super::setup::{
 };
 use crate::material::parameters::{Elastic, Fluid, Material};
 
-/// A box filled with particles of a material, by its index: lower and upper corner (m).
+/// A box filled with particles: index of the material, lower and upper corner (m).
 pub type Block = (usize, [f64; 3], [f64; 3]);
 
-/// A neo-Hookean solid of 1e5 Pa and a fluid, of the same density.
+/// A neo-Hookean solid of 1e5 Pa and a fluid, of equal density.
 pub fn solid_and_fluid() -> Vec<Material> {
     vec![
         Material::NeoHookean(Elastic { density: 1000.0, youngs_modulus: 1e5, poissons_ratio: 0.3 }),
@@ -17,7 +17,8 @@ pub fn solid_and_fluid() -> Vec<Material> {
     ]
 }
 
-/// Boxes at rest in a cube of side 1 m with sticky walls, two particles along each side of a cell, 50 frames of 1/50 s.
+/// Boxes at rest in a cube of side 1 m with sticky walls, two particles along each side of a cell,
+/// 50 frames of 1/50 s.
 pub fn problem(dimension: usize, dx: f64, materials: Vec<Material>, blocks: &[Block]) -> Problem {
     let walls = Axis::Walls([Contact { kind: ContactKind::Sticky, friction: 0.0 }; 2]);
     let (spacing, volume0) = (0.5 * dx, (0.5 * dx).powi(dimension as i32));

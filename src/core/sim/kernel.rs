@@ -1,8 +1,10 @@
-//! Interpolation kernels: which nodes a particle touches, with what weight, and the affine moment matrix in closed form.
+//! Interpolation kernels: which nodes a particle touches, with what weights, and the affine moment
+//! matrix in closed form.
 //!
-//! Everything is in units of dx. A kernel is a product over the axes. The single-grid kernels have nodes at whole
-//! numbers; the compact kernel (CK-MPM, §4) interpolates from two grids s = ±1 with nodes at i + s/4, which both carry
-//! the full mass and momentum, so that what particles receive is the mean over the grids.
+//! All lengths are in units of dx. A kernel is a product over the axes. The single-grid kernels
+//! have nodes at whole numbers. The compact kernel (CK-MPM, §4) interpolates from two grids s = ±1
+//! with nodes at i + s/4. Both grids carry the full mass and momentum, so particles receive the
+//! mean over the grids.
 
 use crate::maths::linalg::{Matrix, Vector, add_scaled, apply, dot};
 use crate::maths::real::Real;
@@ -12,29 +14,30 @@ use crate::maths::real::Real;
 pub struct Axis<T, const G: usize, const W: usize> {
     /// Lowest node touched.
     pub base: [i32; G],
-    /// Position of that node relative to the particle's; the next ones follow at distance 1.
+    /// Position of that node relative to the particle; the next ones follow at distance 1.
     pub offset: [T; G],
     pub weight: [[T; W]; G],
     /// d weight / d x_p.
     pub slope: [[T; W]; G],
-    /// The axis's part of the moment matrix: D = diag(spread) + skew skewᵀ.
+    /// This axis's part of the moment matrix: D = diag(spread) + skew skewᵀ.
     pub spread: T,
     pub skew: T,
 }
 
-/// A kernel with `G` grids and `W` nodes per axis and grid.
+/// The shape function of a kernel, fixed at compile time: `G` grids with `W` nodes per axis and
+/// grid.
 pub trait ShapeFunction<const G: usize, const W: usize>: Send + Sync + 'static {
     /// Node i of grid g lies at `i + SHIFT[g]`.
     const SHIFT: [f64; G];
-    /// Particles at [c + CELL, c + 1 + CELL) touch the same nodes (of the compact kernel: nearly).
+    /// Particles at [c + CELL, c + 1 + CELL) touch the same nodes (for the compact kernel: nearly).
     const CELL: f64;
-    /// D = diag(spread): no skew part.
+    /// Whether D = diag(spread), without a skew part.
     const DIAGONAL: bool;
 
     fn axis<T: Real>(x: T) -> Axis<T, G, W>;
 
-    /// m D⁻¹ for D = diag(spread) + skew skewᵀ.
-    /// Sherman and Morrison: D⁻¹ = diag(1/p) − q qᵀ/(1 + s·q), q = s/p.
+    /// m D⁻¹ for D = diag(spread) + skew skewᵀ, by Sherman and Morrison:
+    /// D⁻¹ = diag(1/p) − q qᵀ/(1 + s·q), q = s/p, with p the spread and s the skew.
     #[inline(always)]
     fn times_inverse_moment<T: Real, const D: usize>(
         m: &Matrix<T, D>,
@@ -44,7 +47,7 @@ pub trait ShapeFunction<const G: usize, const W: usize>: Send + Sync + 'static {
         let mut c = *m;
         let mut q = *skew;
         for k in 0..D {
-            // Only the linear kernel's spread can vanish, on a grid line, where m does too.
+            // Only the linear kernel's spread can vanish, on a grid line, and m vanishes there too.
             let inverse = T::ONE / spread[k].max(T::TINY);
             for i in 0..D {
                 c[i][k] = m[i][k] * inverse;
@@ -91,7 +94,8 @@ const fn series(first: u32) -> [f64; 11] {
     c
 }
 
-/// Σ c_k t^k for t ≤ (π/2)², to rounding of T: what is left out is below 1e-8 after 6 terms and 1e-19 after 11.
+/// Σ c_k t^k for t ≤ (π/2)², to rounding of T. The truncation error is below 1e-8 after 6 terms and
+/// below 1e-19 after 11.
 #[inline(always)]
 fn sum<T: Real>(c: &[f64; 11], t: T) -> T {
     let terms = if T::EPSILON.to_f64() > 1e-10 { 6 } else { 11 };
@@ -107,12 +111,14 @@ impl ShapeFunction<2, 2> for Compact {
     const CELL: f64 = 0.0;
     const DIAGONAL: bool = false;
 
-    /// One polynomial serves both grids, without cancellation: the weight near the kernel's edge, where
-    /// K ≈ (2π²/3) v³ and the textbook form is nothing but noise of either sign, has full relative precision.
+    /// One polynomial serves both grids without cancellation. Near the kernel's edge the weight is
+    /// K ≈ (2π²/3) v³. There the textbook form is rounding noise of either sign, and this one keeps
+    /// full relative precision.
     ///
-    /// With u± = frac(x ∓ ¼) and v = min(u, 1 − u), the far node's weight is g(v) = v − sin(2πv)/2π, the near node's
-    /// 1 − g(v) and the slope's size h(v) = 1 − cos 2πv. Since v⁺ + v⁻ = ½, with a = min(v⁺, v⁻) ≤ ¼ the other grid
-    /// has g(½ − a) = ½ − 2a + g(a) and h(½ − a) = 2 − h(a). s = cos(2πx)/2π = ∓(v⁺ − g(v⁺)).
+    /// With u± = frac(x ∓ ¼) and v = min(u, 1 − u), the far node's weight is
+    /// g(v) = v − sin(2πv)/2π, the near node's 1 − g(v) and the size of the slope
+    /// h(v) = 1 − cos 2πv. Since v⁺ + v⁻ = ½, with a = min(v⁺, v⁻) ≤ ¼ the other grid has
+    /// g(½ − a) = ½ − 2a + g(a) and h(½ − a) = 2 − h(a). s = cos(2πx)/2π = ∓(v⁺ − g(v⁺)).
     #[inline(always)]
     fn axis<T: Real>(x: T) -> Axis<T, 2, 2> {
         let mut base = [0; 2];
@@ -180,7 +186,7 @@ impl ShapeFunction<1, 3> for Quadratic {
     #[inline(always)]
     fn axis<T: Real>(x: T) -> Axis<T, 1, 3> {
         let node = (x - T::HALF).floor();
-        // From the middle node, in [-½, ½).
+        // Distance from the middle node, in [-½, ½).
         let r = (x - node) - T::ONE;
         let (left, right) = (T::HALF - r, T::HALF + r);
         let weight = [T::HALF * left * left, T::from_f64(0.75) - r * r, T::HALF * right * right];

@@ -1,4 +1,5 @@
-//! The discretisation: particles, grid kernels, transfers, time step and diagnostics. No GPU, no runtime, no HTTP.
+//! The discretisation and the state of a simulation: settings, particles, interpolation kernels,
+//! colliders, sources, the stable time step, diagnostics and predicted cost.
 
 pub mod collider;
 pub mod contact;

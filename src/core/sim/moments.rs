@@ -6,10 +6,11 @@ use super::setup::Kernel;
 
 /// D at a particle (m², row-major; the third row and column are zero in 2D).
 ///
-/// `x` is in units of dx from the grid's origin. Quadratic and cubic: ¼ and ⅓ dx² I (Jiang et al., The affine
-/// particle-in-cell method). Linear: diag(u (1 - u)) dx², u the offset in the cell. Compact: D / dx² = diag(p) + s sᵀ with
-/// p_a = ½ (w0⁺w1⁺ + w0⁻w1⁻) and s_a = cos(2πx_a) / 2π, where CK-MPM inverts a matrix per particle; derived from the kernel
-/// and tested against the sum.
+/// `x` is in units of dx from the grid's origin. Quadratic and cubic: ¼ and ⅓ dx² I (Jiang et al.,
+/// "The affine particle-in-cell method"). Linear: diag(u (1 - u)) dx², u the offset in the cell.
+/// Compact: D / dx² = diag(p) + s sᵀ with p_a = ½ (w0⁺w1⁺ + w0⁻w1⁻) and s_a = cos(2πx_a) / 2π.
+/// CK-MPM inverts a matrix per particle instead; this form is derived from the kernel and tested
+/// against the sum.
 pub fn moment_matrix(kernel: Kernel, x: [f64; 3], dx: f64, dimension: usize) -> [f64; 9] {
     let mut d = [0.0; 9];
     for a in 0..dimension {

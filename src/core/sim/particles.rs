@@ -1,20 +1,22 @@
-//! Particle states as they pass between engines, recordings and diagnostics.
+//! Particle states as exchanged between engines, recordings and diagnostics.
 
 /// States of all particles at a frame boundary, in the order in which the bodies were sampled.
 ///
-/// Arrays of equal length. 2D scenes use the first two components of vectors, zero z, and F_zz = 1.
-/// Matrices are row-major 3 × 3.
+/// All arrays have equal length. 2D scenes use the first two components of vectors, with zero z and
+/// F_zz = 1. Matrices are row-major 3 × 3.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Particles {
     /// Position (m), in scene coordinates.
     pub x: Vec<[f64; 3]>,
     /// Velocity (m/s).
     pub v: Vec<[f64; 3]>,
-    /// APIC affine moment B = ½ Σ_s Σ_i w v_i (x_i - x_p)ᵀ (m²/s); the velocity's affine part is C = B D⁻¹ (NUMERICS §1).
+    /// APIC affine moment B = ½ Σ_s Σ_i w v_i (x_i - x_p)ᵀ (m²/s); the velocity's affine part is
+    /// C = B D⁻¹ (NUMERICS §1).
     pub b: Vec<[f64; 9]>,
-    /// Deformation gradient F; a fluid's is J^(1/d) I, because its law knows only J.
+    /// Deformation gradient F. A fluid's is J^(1/d) I, because its law uses only J.
     pub f: Vec<[f64; 9]>,
-    /// Plastic state: the one scalar that some laws have beside F (see their files in [`crate::material`]); 0 for the others.
+    /// Plastic state: the one scalar that some laws have besides F (see their files in
+    /// [`crate::material`]); 0 for the others.
     pub plastic: Vec<f64>,
     /// Index into [`crate::sim::setup::Setup::bodies`].
     pub body: Vec<u32>,
@@ -25,7 +27,7 @@ impl Particles {
         self.x.len()
     }
 
-    /// Puts others behind these; takes their memory where there are none.
+    /// Appends other particles. If there are none yet, takes over their memory.
     pub fn append(&mut self, others: Self) {
         fn put<T>(these: &mut Vec<T>, mut others: Vec<T>) {
             if these.is_empty() {

@@ -1,16 +1,18 @@
-//! What surfaces take from the material: forces on walls and colliders, torques on colliders, from the grid.
+//! Reactions of surfaces, from the grid: forces on walls and colliders, torques on colliders.
 //!
-//! In a step, contact changes a node's velocity from v to v'. The surface takes the impulse J = ½ Σ m (v − v') (a single grid:
-//! without ½) and, with the node's arm r from the collider's centre of motion at that time, the moment ½ Σ r × m (v − v').
-//! Over a frame the sum divided by the frame's time is the mean force that the material exerts ON the surface. What several
-//! surfaces do to one node is booked one after the other: walls by axis, then colliders in scene order.
+//! In a step, contact changes a node's velocity from v to v'. The surface receives the impulse
+//! J = ½ Σ m (v − v') (on a single grid: without ½). With the node's arm r from the collider's
+//! centre of motion at that time, it also receives the moment ½ Σ r × m (v − v'). Over a frame, the
+//! sum divided by the frame's time is the mean force that the material exerts ON the surface. If
+//! several surfaces act on one node, they are counted one after the other: walls by axis, then
+//! colliders in scene order.
 
 use super::setup::{Axis, Setup};
 
-/// Walls come first, x- x+ y- y+ z- z+, whether they exist or not; then colliders.
+/// Number of walls. They come first, x- x+ y- y+ z- z+, whether they exist or not; then colliders.
 pub const WALLS: usize = 6;
 
-/// Momentum and moment of momentum, or force and torque.
+/// Linear and angular momentum, or force and torque.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reaction {
     /// Impulse (N s); divided by time, force (N; 2D: N/m).
@@ -31,7 +33,7 @@ impl Reaction {
         Self { force: self.force.map(|f| f * factor), torque: self.torque.map(|t| t * factor) }
     }
 
-    /// Books what a surface takes at an arm (m) from its centre.
+    /// Adds an impulse (N s) that acts on the surface at an arm (m) from its centre.
     pub fn take(&mut self, impulse: [f64; 3], arm: [f64; 3]) {
         let (j, r) = (impulse, arm);
         let torque = [r[1] * j[2] - r[2] * j[1], r[2] * j[0] - r[0] * j[2], r[0] * j[1] - r[1] * j[0]];
@@ -54,12 +56,12 @@ pub fn add_all(sums: &mut [Reaction], impulses: &[Reaction]) {
 pub struct Surface {
     /// `wall_x-`, …, or the collider's name.
     pub name: String,
-    /// Its place among all surfaces.
+    /// Index among all surfaces.
     pub index: usize,
 }
 
 impl Surface {
-    /// Names of what is told of it: a wall's force, a collider's force and torque.
+    /// Names of its columns: a wall's force, or a collider's force and torque.
     pub fn columns(&self) -> impl Iterator<Item = String> {
         const QUANTITIES: [&str; 6] = ["force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z"];
         QUANTITIES[..self.quantities()].iter().map(|quantity| format!("{}.{quantity}", self.name))
@@ -75,7 +77,7 @@ impl Surface {
     }
 }
 
-/// What a wall is called in diagnostics.
+/// The name of a wall in diagnostics.
 pub fn wall_name(index: usize) -> &'static str {
     ["wall_x-", "wall_x+", "wall_y-", "wall_y+", "wall_z-", "wall_z+"][index]
 }

@@ -1,4 +1,5 @@
-//! A scene made ready to run, in plain numbers: what stays the same during a run, and the particles at time 0.
+//! A scene made ready to run, in plain numbers: what stays constant during a run, and the particles
+//! at time 0.
 
 use rayon::prelude::*;
 
@@ -12,7 +13,7 @@ use super::source::Source;
 use crate::material::initial_plastic_state;
 pub use crate::material::parameters::Material;
 
-/// The two walls of an axis, lower then upper, or none.
+/// The boundaries of an axis: periodic, or two walls, lower then upper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Axis {
     Periodic,
@@ -41,7 +42,7 @@ pub struct Problem {
     pub particles: Particles,
 }
 
-/// What stays the same during a run. It has no particles, so that it is small and may be cloned.
+/// What stays constant during a run. It holds no particles, so that it is small and cheap to clone.
 #[derive(Clone, Debug)]
 pub struct Setup {
     pub name: String,
@@ -64,9 +65,9 @@ pub struct Setup {
     /// A particle may move at most this share of dx in a step.
     pub cfl: f64,
     pub max_dt_s: Option<f64>,
-    /// Explicit or implicit; what `auto` stands for has been decided.
+    /// Explicit or implicit, never `auto`.
     pub integrator: Integrator,
-    /// Why that one, in a sentence.
+    /// Why this integrator, in a sentence.
     pub integrator_reason: String,
     pub implicit: Implicit,
     /// Frames after frame 0.
@@ -84,17 +85,19 @@ impl Setup {
         self.bodies.iter().map(|body| body.particles.len()).sum()
     }
 
-    /// Particles at the end of the run, with all that sources bring.
+    /// Particles at the end of the run, including all that sources emit.
     pub fn total_particles(&self) -> usize {
         self.initial_particles() + self.sources.iter().map(Source::total).sum::<u64>() as usize
     }
 
-    /// What a backend of this kind (`cpu` or `gpu`) computes in: the implicit integrator on the CPU knows f64 alone.
+    /// The precision on this kind of backend (`cpu` or `gpu`). The implicit integrator on the CPU
+    /// always uses f64.
     pub fn precision_on(&self, backend: &str) -> Precision {
         if self.integrator == Integrator::Implicit && backend == "cpu" { Precision::F64 } else { self.precision }
     }
 
-    /// What the sources put in at the start of a frame; frame 0 begins at time 0. Their ids follow those that are there.
+    /// The particles that the sources emit at the start of a frame. Frame 0 begins at time 0. Their
+    /// ids follow those of the existing particles.
     pub fn emission(&self, frame: u32) -> Particles {
         let mut new = Particles::default();
         for source in self.sources.iter().filter(|s| s.by_frame.get(frame as usize).is_some_and(|&n| n > 0)) {

@@ -1,9 +1,11 @@
 //! Sources: shapes that emit a stream of particles between two times.
 //!
-//! The stream is a lattice that moves with the source's velocity v: the point X of the lattice at time 0 is at X + v t. A point
-//! that enters the shape during a frame is put in at the frame's start, where it is then, upstream of the shape. Without gravity the stream
-//! is regular and has no gaps at frame boundaries, what is emitted follows from the scene alone, and the mass that has entered
-//! through a face of area A grows as ρ A v t. Points that are in the shape when the source opens are not emitted.
+//! The stream is a lattice that moves with the source's velocity v: the lattice point that is at X
+//! at time 0 is at X + v t. A point that enters the shape during a frame is emitted at the frame's
+//! start, at its position at that time, upstream of the shape. Without gravity the stream is
+//! regular and has no gaps at frame boundaries. The emitted particles follow from the scene alone,
+//! and the mass that has entered through a face of area A grows as ρ A v t. Points that are inside
+//! the shape when the source opens are not emitted.
 
 use std::ops::Range;
 
@@ -11,9 +13,9 @@ use rayon::prelude::*;
 
 use super::collider::Sdf;
 
-/// Points this close to the surface (spacings) are on it.
+/// Points this close to the surface (in spacings) count as on it.
 const TIE: f64 = 1e-9;
-/// Steps along a ray; rays that graze a surface for longer miss it.
+/// Steps along a ray. Rays that graze a surface for longer count as missing it.
 const MAX_MARCH: usize = 256;
 
 /// A source, ready to emit.
@@ -21,34 +23,35 @@ const MAX_MARCH: usize = 256;
 pub struct Source {
     /// Index of its body in [`crate::sim::setup::Setup::bodies`].
     pub body: usize,
-    /// Bounded.
+    /// The shape; it is bounded.
     pub sdf: Sdf,
     /// Not zero (m/s).
     pub velocity: [f64; 3],
-    /// It emits what enters its shape from the first time up to the second (s).
+    /// The source emits what enters its shape from the first time up to the second (s).
     pub open_s: [f64; 2],
-    /// Of its lattice (m).
+    /// Spacing of the lattice (m).
     pub spacing: f64,
-    /// A corner of a cell of the lattice at time 0 (m).
+    /// A corner of a lattice cell at time 0 (m).
     pub origin: [f64; 3],
     pub dimension: usize,
     pub frame_s: f64,
-    /// Particles put in at the start of every frame, by frame; none after the last entry.
+    /// Number of particles emitted at the start of each frame; zero after the last entry.
     pub by_frame: Vec<u64>,
 }
 
 impl Source {
-    /// Particles of the whole run.
+    /// Number of particles emitted during the whole run.
     pub fn total(&self) -> u64 {
         self.by_frame.iter().sum()
     }
 
-    /// Lattice points to look at for a frame (frame 0 begins at time 0).
+    /// Number of lattice points to test for a frame (frame 0 begins at time 0).
     pub fn candidates(&self, frame: u32) -> f64 {
         self.range(frame).iter().map(|r| (r.end - r.start) as f64).product()
     }
 
-    /// Where particles are put in at the start of a frame (m), in the order of their ids.
+    /// Positions at which particles are emitted at the start of a frame (m), in the order of their
+    /// ids.
     pub fn entering(&self, frame: u32) -> impl ParallelIterator<Item = [f64; 3]> + '_ {
         let [start, end] = self.window(frame);
         let [first, second, third] = self.range(frame);
@@ -58,7 +61,7 @@ impl Source {
             let rows = second.clone().flat_map(move |j| third.clone().map(move |k| [i, j, k]));
             rows.filter_map(move |index| {
                 let x = self.at(index, start);
-                // One look settles most points: too far away.
+                // One evaluation settles most points: they are too far away.
                 if self.sdf.distance(x) > reach {
                     return None;
                 }
@@ -77,7 +80,7 @@ impl Source {
         self.velocity.iter().map(|v| v * v).sum::<f64>().sqrt()
     }
 
-    /// A lattice point at a time.
+    /// Position of a lattice point at a time.
     fn at(&self, index: [i64; 3], t: f64) -> [f64; 3] {
         std::array::from_fn(|a| {
             if a >= self.dimension {
@@ -87,7 +90,8 @@ impl Source {
         })
     }
 
-    /// Indices of the points in the shape's bounds, and of those that may get there within the frame.
+    /// Indices of the points inside the shape's bounds, and of those that may get there within the
+    /// frame.
     fn range(&self, frame: u32) -> [Range<i64>; 3] {
         let [start, end] = self.window(frame);
         if end <= self.open_s[0] || start >= self.open_s[1] {
@@ -106,7 +110,8 @@ impl Source {
         })
     }
 
-    /// When a lattice point first enters the open shape (s), by sphere tracing (Hart 1996). The same for every frame that asks.
+    /// When a lattice point first enters the open shape (s), by sphere tracing (Hart 1996). The
+    /// result is the same for every frame that asks.
     fn entry(&self, index: [i64; 3]) -> Option<f64> {
         let tie = TIE * self.spacing;
         let start = self.at(index, 0.0);

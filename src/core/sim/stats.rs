@@ -1,4 +1,4 @@
-//! What happened in a frame, beside the particles.
+//! What happened in a frame, besides the particles.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,15 +10,16 @@ pub struct FrameStats {
     pub steps: u64,
     /// Mean step (s); 0 for frame 0.
     pub dt_s: f64,
-    /// Particles that were alone on their nodes and were reset.
+    /// Particles that were reset because they were alone on their nodes.
     pub isolated_reset: u64,
-    /// Mean force and torque on every surface, in the order of [`super::reaction`]; empty for frame 0.
+    /// Mean force and torque on every surface, in the order of [`super::reaction`]; empty for
+    /// frame 0.
     pub reactions: Vec<Reaction>,
     /// The steps of an implicit engine, in order; empty for an explicit one.
     pub solves: Vec<Solve>,
 }
 
-/// How the minimisation of one implicit step went.
+/// Convergence of one implicit step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Solve {
     /// Time at the step's end (s).
@@ -26,9 +27,10 @@ pub struct Solve {
     pub dt_s: f64,
     /// Outer iterations: Newton or quasi-Newton steps.
     pub iterations: u32,
-    /// Iterations of the linear solvers inside these; a V-cycle counts as one.
+    /// Iterations of the linear solvers inside the outer iterations; a V-cycle counts as one.
     pub inner_iterations: u32,
-    /// ε sqrt(Σ |r_i|² / tol_i² / n), the residual in the characteristic norm (HOT §5.2): at most ε when converged.
+    /// ε sqrt(Σ |r_i|² / tol_i² / n), the residual in the characteristic norm (HOT §5.2); at most ε
+    /// when converged.
     pub residual: f64,
     /// Halvings of the line search.
     pub halvings: u32,

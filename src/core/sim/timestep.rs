@@ -1,21 +1,28 @@
-//! The stable time step: bulk and single-particle bounds by kernel, transfer and dimension, the viscous limit and the
-//! particle CFL condition.
+//! The stable time step: bulk and single-particle bounds by kernel, transfer and dimension, the
+//! viscous limit and the particle CFL condition.
 //!
-//! Elastic bounds have the form dt ≤ dx sqrt(ρ / modulus) with a modulus linear in λ and μ, ρ = m / V0:
-//! * **Bulk** (Von Neumann analysis, one particle in each cell; Bai & Schroeder, Stability analysis of explicit MPM, Fig. 4):
-//!   dt ≤ f dx / c, c² = (λ + 2μ) / ρ. For the compact kernel the worst mode is no plane P wave: c² = (2λ + 2μ) / ρ as well.
-//! * **Single particle** (same paper, eq. 4): dt ≤ dx sqrt(ρ / (η (μ + dλ/2))), η = ξ dx² (r - k/2).
+//! Elastic bounds have the form dt ≤ dx sqrt(ρ / modulus) with a modulus linear in λ and μ,
+//! ρ = m / V0:
+//! * **Bulk** (Von Neumann analysis, one particle in each cell; Bai & Schroeder, "Stability
+//!   analysis of explicit MPM", Fig. 4): dt ≤ f dx / c, c² = (λ + 2μ) / ρ. For the compact kernel
+//!   the worst mode is not a plane P wave, so c² = (2λ + 2μ) / ρ must hold as well.
+//! * **Single particle** (same paper, eq. 4): dt ≤ dx sqrt(ρ / (η (μ + dλ/2))),
+//!   η = ξ dx² (r - k/2).
 //!
-//! A viscosity μ_v acts with the velocity gradient of the previous step. One mode of amplitude u and strain F then obeys
-//! u' = (b - dt σ_v) u - dt σ_e F, F' = F + dt u'. It leaves the unit circle through -1, when
-//! dt² σ_e + 2 dt σ_v = 2 (1 + b). Without viscosity this is the elastic bound T_e² = 2 (1 + b) / σ_e, without elasticity it
-//! is T_v = (1 + b) / σ_v = T_e(λ = 0, μ = μ_v)² / 2, and the two together demand (dt / T_e)² + dt / T_v ≤ 1. This holds for bulk
-//! and single-particle modes alike (derived here; the tests run it against lone particles).
+//! A viscosity μ_v acts with the velocity gradient of the previous step. One mode of amplitude u
+//! and strain F then obeys u' = (b - dt σ_v) u - dt σ_e F, F' = F + dt u'. It leaves the unit
+//! circle through -1, when dt² σ_e + 2 dt σ_v = 2 (1 + b). Without viscosity this is the elastic
+//! bound T_e² = 2 (1 + b) / σ_e. Without elasticity it is T_v
+//! = (1 + b) / σ_v = T_e(λ = 0, μ = μ_v)² / 2. Together the two require (dt / T_e)² + dt / T_v ≤ 1.
+//! This holds for bulk and single-particle modes alike (derived here; the tests check it on lone
+//! particles).
 //!
-//! These bounds belong to the rest state. **Away from rest** a particle's stiffness ρ0 c² changes with F (Sun, Shinar & Schroeder 2020,
-//! see [`crate::material`]) and the step with its root. Engines measure the ratio s to the stiffness at rest for every particle and
-//! report the largest *demand* s / dt_rest² (1/s²). [`SAFETY`] covers what may change within a frame: a step is re-planned inside a frame
-//! when the demand has grown beyond [`REPLAN`] of the bound itself, or when a particle's F changes by more than [`MAX_GROWTH`] in a step.
+//! These bounds hold at rest. **Away from rest** a particle's stiffness ρ0 c² changes with F (Sun,
+//! Shinar & Schroeder 2020, see [`crate::material`]), and the step changes with its square root.
+//! Engines measure for every particle the ratio s of its stiffness to that at rest. They report the
+//! largest *demand* s / dt_rest² (1/s²). [`SAFETY`] covers what may change within a frame. A frame
+//! is re-planned when the demand has grown beyond [`REPLAN`] of the bound itself, or when a
+//! particle's F changes by more than [`MAX_GROWTH`] in a step.
 
 mod plan;
 
@@ -31,10 +38,11 @@ pub use plan::{
     limits, max_collider_speed_m_s, plan_frame, plan_steps,
 };
 
-/// Share of the elastic and viscous bounds that is used: they are sharp, and hold for small strain.
+/// Share of the elastic and viscous bounds that is used. The bounds are sharp, and hold for small
+/// strain.
 pub const SAFETY: f64 = 0.9;
 
-/// The rule that set a step.
+/// The rule that limits a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case", tag = "rule")]
 pub enum Bound {
@@ -44,13 +52,13 @@ pub enum Bound {
     SingleParticle { body: usize },
     /// Explicit viscosity of a body.
     Viscosity { body: usize },
-    /// Materials that their deformation has made stiffer than at rest.
+    /// Materials that are stiffer under their present deformation than at rest.
     Deformation,
     /// Motion of particles over the grid.
     ParticleSpeed,
     /// `solver.max_dt`.
     MaxDt,
-    /// One step a frame is enough.
+    /// One step per frame is enough.
     Frame,
 }
 
@@ -68,7 +76,7 @@ impl Bound {
         }
     }
 
-    /// The body whose material it is about.
+    /// The body whose material limits the step.
     pub fn body(self) -> Option<usize> {
         match self {
             Self::Bulk { body } | Self::SingleParticle { body } | Self::Viscosity { body } => Some(body),
@@ -76,10 +84,11 @@ impl Bound {
         }
     }
 
-    /// What set the step, and what would lengthen it.
+    /// What limits the step, and what would lengthen it.
     pub fn explain(self, setup: &Setup) -> String {
         let name = |body: usize| setup.bodies.get(body).map_or("?", |b| b.name.as_str());
-        // The compact kernel's bounds are tighter than the quadratic's, and MLS has the loosest single-particle bound.
+        // The compact kernel's bounds are tighter than the quadratic's, and MLS has the loosest
+        // single-particle bound.
         let kernel = if setup.kernel == Kernel::Compact { ", the quadratic kernel" } else { "" };
         let transfer = if setup.transfer == Transfer::Mls { "" } else { ", the mls transfer" };
         match self {
@@ -88,7 +97,8 @@ impl Bound {
                 name(body)
             ),
             Self::SingleParticle { body } => format!(
-                "stability of a lone particle of body '{}' (longer with a lower modulus, a higher density{transfer}{kernel} or a larger dx)",
+                "stability of a lone particle of body '{}' (longer with a lower modulus, a higher \
+                 density{transfer}{kernel} or a larger dx)",
                 name(body)
             ),
             Self::Viscosity { body } => {
@@ -98,7 +108,8 @@ impl Bound {
                 )
             }
             Self::Deformation => format!(
-                "materials that are stiffer under their present strain than at rest (longer with slower impacts, a lower modulus{kernel} or a larger dx)"
+                "materials that are stiffer under their present strain than at rest (longer with slower impacts, a \
+                 lower modulus{kernel} or a larger dx)"
             ),
             Self::ParticleSpeed => {
                 "particles that may cross only a share of a cell (longer with a higher solver.cfl or a larger dx)"
@@ -123,15 +134,19 @@ struct Factors {
 /// No such bound.
 const NONE: f64 = f64::INFINITY;
 
-/// The table.
+/// The table of bounds.
 ///
-/// * Quadratic and cubic: Bai & Schroeder, Fig. 4 (bulk; equal in 2D and 3D) and eq. 4 with ξ dx² = 4 and 3, r = 3/2 and
-///   1.045606 for PIC and APIC, 1 for MLS (their CPIC), k = 0 for PIC, else 1.
-/// * Compact: not in the literature. From the same two analyses, carried out numerically on the dual grid; the closed forms are
-///   fitted. The bulk's worst case is one particle a cell at (¼, ¾). η is the worst over positions and Poisson's ratios.
-/// * Linear: the bulk factor is the minimum over positions and wave vectors of the paper's trace bound, which puts particles on
-///   nodes: 1/√d. A lone particle has η = 1 / (u (1 - u)) for PIC and half of it for APIC and MLS at offset u in its cell, without
-///   bound as it nears a node; the table takes u = 1/10. Closer to a node, a lone stiff particle of this kernel can go unstable.
+/// * Quadratic and cubic: Bai & Schroeder, Fig. 4 (bulk; equal in 2D and 3D) and eq. 4 with
+///   ξ dx² = 4 and 3, r = 3/2 and 1.045606 for PIC and APIC, 1 for MLS (their CPIC), k = 0 for PIC,
+///   otherwise 1.
+/// * Compact: not in the literature. The values come from the same two analyses, carried out
+///   numerically on the dual grid; the closed forms are fitted. The bulk's worst case is one
+///   particle per cell at (¼, ¾). η is the worst over positions and Poisson's ratios.
+/// * Linear: the bulk factor is the minimum over positions and wave vectors of the paper's trace
+///   bound. It is reached with particles on nodes: 1/√d. A lone particle at offset u in its cell
+///   has η = 1 / (u (1 - u)) for PIC and half of it for APIC and MLS, which is unbounded as the
+///   particle nears a node. The table takes u = 1/10. Closer to a node, a lone stiff particle of
+///   this kernel can become unstable.
 fn factors(kernel: Kernel, transfer: Transfer, dimension: usize) -> Factors {
     use Kernel::*;
     use Transfer::*;
@@ -151,11 +166,11 @@ fn factors(kernel: Kernel, transfer: Transfer, dimension: usize) -> Factors {
     Factors { p_wave, plane, single }
 }
 
-/// Bulk and single-particle bounds (s) of a material with Lamé parameters `lambda`, `mu` (Pa) and density `rho` (mass over
-/// initial volume), before the safety factor.
+/// Bulk and single-particle bounds (s) of a material with Lamé parameters `lambda`, `mu` (Pa) and
+/// density `rho` (mass over initial volume), before the safety factor.
 pub fn elastic_bounds_s(setup: &Setup, lambda: f64, mu: f64, rho: f64) -> (f64, f64) {
     let f = factors(setup.kernel, setup.transfer, setup.dimension);
-    // The elastic tensor grows with λ, so that zero is safe for a negative one.
+    // The elastic tensor grows with λ, so zero is safe for a negative λ.
     let lambda = lambda.max(0.0);
     let over = |modulus: f64| setup.dx * (rho / modulus).sqrt();
     let bulk = (f.p_wave * over(lambda + 2.0 * mu)).min(f.plane * over(2.0 * lambda + 2.0 * mu));
@@ -173,7 +188,8 @@ pub fn moduli(material: &Material) -> (f64, f64, f64) {
     }
 }
 
-/// Bounds of a body's material (s), safety factor included: bulk and single particle, viscosity in each.
+/// Bounds of a body's material (s) including the safety factor: bulk and single particle, each with
+/// viscosity.
 fn body_bounds(setup: &Setup, index: usize, body: &Body) -> [(f64, Bound); 2] {
     let (lambda, mu, viscosity) = moduli(&setup.materials[body.material]);
     let rho = body.mass / body.volume0;
@@ -181,7 +197,7 @@ fn body_bounds(setup: &Setup, index: usize, body: &Body) -> [(f64, Bound); 2] {
     let viscous = elastic_bounds_s(setup, 0.0, viscosity, rho);
     let both = |elastic: f64, unit: f64| {
         let (a, b) = (1.0 / (elastic * elastic), 2.0 / (unit * unit));
-        // a dt² + b dt = 1; viscosity rules if b dt > ½.
+        // a dt² + b dt = 1; viscosity dominates if b dt > ½.
         (plan::positive_root(a, b, 1.0), 2.0 * b * b > a)
     };
     let rules = [Bound::Bulk { body: index }, Bound::SingleParticle { body: index }];
@@ -203,7 +219,7 @@ pub fn material_bound(setup: &Setup) -> (f64, Bound) {
     bounds.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, Bound::Frame))
 }
 
-/// Demand 1/dt² of every body's material at rest, safety included (1/s²).
+/// Demand 1/dt² of every body's material at rest, including the safety factor (1/s²).
 pub fn demands_at_rest_1_s2(setup: &Setup) -> Vec<f64> {
     let demand = |(index, body): (usize, &Body)| body_bound(setup, index, body).0.powi(-2);
     setup.bodies.iter().enumerate().map(demand).collect()

@@ -13,7 +13,7 @@ const OBSTACLE: [f32; 3] = [0.36, 0.39, 0.43];
 pub fn draw(setup: &Setup, view: &View, balls: &[Ball], time_s: f64) -> Canvas {
     let seen = splat(view, balls);
     let width = view.size[0];
-    // What a grip holds is to be seen.
+    // What a grip holds must stay visible.
     let solid = setup.colliders.iter().filter(|collider| collider.is_present(time_s) && !collider.grip);
     let solid: Vec<_> = solid.map(|collider| collider.at(time_s)).collect();
     let pixel = |at: usize| {

@@ -12,7 +12,7 @@ pub const SAMPLES: usize = 16;
 /// Radius of the penumbra, as a share of the focus' diagonal.
 const SOFTNESS: f32 = 0.013;
 
-/// A directional light with what it sees.
+/// A directional light with its shadow map.
 pub struct Light {
     /// Unit vector to the light.
     pub toward: V3,
@@ -44,7 +44,7 @@ impl Light {
         let diagonal = (camera.focus[1] - camera.focus[0]).norm();
         let softness = SOFTNESS * diagonal;
         let radius = balls.iter().map(|ball| ball.radius).fold(0.0, f32::max);
-        // Slopes change the depth within the penumbra and within the map's pixels.
+        // On slopes the depth varies within the penumbra and within the map's pixels.
         let bias = (2.5 * radius).max(0.5 * softness).max(2.0 / view.pixels_per_metre(1.0));
         Self { toward, view, depth, bias, softness }
     }
@@ -55,7 +55,7 @@ impl Light {
         let size = self.view.size[0];
         let reach = self.softness * self.view.pixels_per_metre(depth);
         let lit = points.iter().filter(|[dx, dy]| {
-            // Casts clamp to the map's edge, and are faster than rounding.
+            // Casts clamp to the map's edge and are faster than rounding.
             let (x, y) = ((column + dx * reach) as usize, (row + dy * reach) as usize);
             x >= size || y >= size || self.depth[y * size + x] > depth - self.bias
         });
@@ -68,7 +68,7 @@ pub struct Spiral {
     points: Vec<[[f32; 2]; SAMPLES]>,
 }
 
-/// Orientations to choose from.
+/// Number of orientations to choose from.
 const TURNS: usize = 64;
 
 impl Spiral {
@@ -81,7 +81,7 @@ impl Spiral {
         Self { points: (0..TURNS).map(|turn| std::array::from_fn(|k| point(turn, k))).collect() }
     }
 
-    /// The points, turned by a share of a circle.
+    /// The points, rotated by a share of a full turn.
     pub fn turned(&self, turn: f32) -> &[[f32; 2]; SAMPLES] {
         &self.points[(turn * TURNS as f32) as usize % TURNS]
     }

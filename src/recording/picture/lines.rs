@@ -6,7 +6,8 @@ use crate::palette::Rgb;
 
 const LINE: Rgb = [0.52, 0.55, 0.60];
 
-/// Draws the edges of a box faintly, those in front of the scene left out, where nothing nearer than `depth` is.
+/// Draws the edges of a box faintly where nothing is nearer than `depth`. Edges in front of the
+/// scene are left out.
 pub fn draw_box(canvas: &mut Canvas, view: &View, bounds: &[V3; 2], depth: &[f32]) {
     let corners = corners(bounds);
     let depths = corners.map(|corner| view.project(&corner)[2]);
@@ -38,7 +39,7 @@ fn draw_line(canvas: &mut Canvas, view: &View, from: V3, to: V3, depth: &[f32]) 
                 continue;
             }
             let at = row as usize * width + column as usize;
-            // The floor's own outline lies in it.
+            // The floor's outline lies in the floor itself.
             if z <= depth[at] * 1.002 {
                 canvas.pixels[at] = LINE;
             }

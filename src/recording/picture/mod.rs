@@ -1,4 +1,5 @@
-//! Pictures of frames, drawn on the CPU: particles as a smoothed surface of little spheres, lit from above, over their shadow.
+//! Pictures of frames, rendered on the CPU: particles as a smoothed surface of small spheres, lit
+//! from above, with their shadow.
 
 mod flat;
 mod light;
@@ -22,13 +23,13 @@ use crate::appearance::Appearance;
 
 type V3 = Vector3<f32>;
 
-/// How much work a picture is worth.
+/// Size and effort of a picture.
 struct Quality {
     /// Width and height (pixels).
     size: [usize; 2],
     /// Samples of a pixel along each axis.
     samples: usize,
-    /// Particles drawn at most.
+    /// Maximum number of particles drawn.
     particles: usize,
     /// Pixels along each side of the shadow map.
     shadows: usize,
@@ -42,23 +43,25 @@ pub fn thumbnail_selection(setup: &Setup) -> Vec<u32> {
     select(setup.total_particles(), STILL.particles, setup.seed)
 }
 
-/// A picture of a frame as PNG, 960 × 540: of all particles of an excerpt.
+/// A picture of a frame as PNG, 960 × 540, of all particles of an excerpt.
 pub fn thumbnail(setup: &Setup, appearance: &Appearance, particles: &Excerpt, time_s: f64) -> Vec<u8> {
     let all = (0..particles.selected as u32).collect();
     Camera::new(setup, appearance, &STILL, all).render(setup, particles, time_s).png()
 }
 
-/// A camera that stands still for a whole run.
+/// A camera that does not move during a run.
 pub struct Camera {
     view: View,
     palette: Palette,
-    /// Particles of an excerpt that are drawn, and the factor by which they are larger because others are not.
+    /// The particles of an excerpt that are drawn, and the factor by which they are enlarged to
+    /// stand for the others.
     selected: Vec<u32>,
     growth: f64,
 }
 
 impl Camera {
-    /// A camera for small pictures of all frames; `selected`: which particles of an excerpt.
+    /// A camera for small pictures of all frames. `selected` says which particles of an excerpt are
+    /// drawn.
     pub fn film(setup: &Setup, appearance: &Appearance, selected: Vec<u32>) -> Self {
         Self::new(setup, appearance, &FILM, selected)
     }
@@ -104,7 +107,7 @@ impl Camera {
     }
 }
 
-/// Half the spacing of a body's particles, and enough more that neighbours leave no gaps.
+/// Half the spacing of a body's particles, enlarged so that neighbours leave no gaps.
 fn radius(setup: &Setup, volume0: f64) -> f64 {
     if setup.dimension == 2 { 0.75 * volume0.sqrt() } else { 0.66 * volume0.cbrt() }
 }

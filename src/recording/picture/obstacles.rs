@@ -9,7 +9,7 @@ use gridfall_core::sim::setup::Setup;
 pub struct Obstacle<'a> {
     sdf: &'a Sdf,
     pose: Pose,
-    /// The part that is drawn, in the collider's starting position.
+    /// The part that is drawn, in the collider's pose at time 0.
     clip: [V3; 2],
     /// Material inside shows through.
     pub translucent: bool,
@@ -22,7 +22,7 @@ pub struct Hit {
     pub normal: V3,
 }
 
-/// All colliders that are there at a time; those that stand still are cut off at the domain's walls.
+/// All colliders that exist at a time. Those that do not move are cut off at the domain's walls.
 pub fn obstacles(setup: &Setup, time_s: f64) -> Vec<Obstacle<'_>> {
     let to_v3 = |x: [f64; 3]| V3::from(x.map(|c| c as f32));
     let domain = domain_box(setup).map(to_v3);

@@ -1,4 +1,4 @@
-//! Balls into depth buffers.
+//! Draws balls into depth buffers.
 
 use rayon::prelude::*;
 
@@ -10,16 +10,16 @@ use crate::palette::Rgb;
 #[derive(Clone, Copy, Debug)]
 pub struct Ball {
     pub center: V3,
-    /// Metres.
+    /// Radius (m).
     pub radius: f32,
     pub color: Rgb,
-    /// How much of the sky is seen in it, 0 to 1.
+    /// Share of the sky that it reflects, 0 to 1.
     pub gloss: f32,
 }
 
-/// What is seen in each pixel, by rows from the top.
+/// What is visible in each pixel, by rows from the top.
 pub struct Depths {
-    /// Metres along the view; infinite where nothing is.
+    /// Depth along the view (m); infinite where nothing is.
     pub depth: Vec<f32>,
     /// Index of the ball.
     pub ball: Vec<u32>,
@@ -69,9 +69,10 @@ pub fn splat(view: &View, balls: &[Ball]) -> Depths {
 }
 
 impl Depths {
-    /// Smooths the bumps of single balls away but keeps the outlines: the narrow-range filter of Truong & Yuksel (2018, "A
-    /// narrow-range filter for screen-space fluid rendering"), along rows and along columns, twice. What is far behind a
-    /// pixel does not count, nor does its mirror image; what is far in front counts as a little in front.
+    /// Smooths away the bumps of single balls but keeps the outlines: the narrow-range filter of
+    /// Truong & Yuksel (2018, "A narrow-range filter for screen-space fluid rendering"), along rows
+    /// and along columns, twice. A neighbour far behind a pixel does not count, nor does its mirror
+    /// image. A neighbour far in front counts as a little in front.
     pub fn smooth(&mut self, view: &View, balls: &[Ball]) {
         let [width, height] = view.size;
         for pass in 0..4 {

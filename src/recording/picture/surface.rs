@@ -24,7 +24,7 @@ const SHADOW: f32 = 0.68;
 /// Radius of ambient occlusion, as a share of the focus' diagonal.
 const OCCLUSION_REACH: f32 = 0.05;
 
-/// What is seen in a pixel.
+/// What is visible in a pixel.
 #[derive(Clone, Copy)]
 enum Seen {
     Nothing,
@@ -33,14 +33,14 @@ enum Seen {
     Particle(Rgb, f32),
 }
 
-/// Shares of the light of the sky and of the lamp that reach a point.
+/// Shares of the sky's and of the lamp's light that reach a point.
 #[derive(Clone, Copy, Default)]
 struct Exposure {
     sky: f32,
     lamp: f32,
 }
 
-/// All that shading needs to know.
+/// Everything that shading needs.
 struct Scene<'a> {
     view: &'a View,
     light: Light,
@@ -95,8 +95,8 @@ impl<'a> Scene<'a> {
         Self { view, light, spiral: Spiral::new(), seen, depth, normal, reach }
     }
 
-    /// Colours the rows of one line of the finished picture. Samples of one pixel that lie on the same surface share what
-    /// is costly to know.
+    /// Colours the rows of one line of the finished picture. Samples of one pixel that lie on the
+    /// same surface share what is costly to compute.
     fn shade_band(&self, first: usize, pixels: &mut [Rgb], obstacles: &[Obstacle]) {
         let (width, samples) = (self.view.size[0], self.view.samples);
         let mut known = vec![(usize::MAX, Exposure::default()); width / samples];
@@ -139,8 +139,8 @@ impl<'a> Scene<'a> {
         glass.map_or(behind, |hit| pane(behind, &hit, &direction, &self.light.toward))
     }
 
-    /// Colour of a lit surface: sky and floor light from their sides, the lamp where it reaches, a highlight, and the sky
-    /// mirrored at grazing angles (Schlick 1994).
+    /// Colour of a lit surface: light from the sky and the floor, the lamp where it reaches, a
+    /// highlight, and the sky mirrored at grazing angles (Schlick 1994).
     fn lit(&self, at: usize, direction: &V3, exposure: &Exposure, albedo: Rgb, gloss: f32) -> Rgb {
         let (n, toward_eye) = (self.normal[at], -direction.normalize());
         let ambient = exposure.sky * (BOUNCE + (SKY - BOUNCE) * (0.5 + 0.5 * n.z));
@@ -151,8 +151,8 @@ impl<'a> Scene<'a> {
         std::array::from_fn(|k| albedo[k] * diffuse * (1.0 - mirror) + BACKDROP[1][k] * mirror + highlight)
     }
 
-    /// Share of the sky that is not hidden by what is near (after McGuire et al. 2011, "The Alchemy screen-space ambient
-    /// obscurance algorithm").
+    /// Share of the sky that nearby surfaces do not hide (after McGuire et al. 2011, "The Alchemy
+    /// screen-space ambient obscurance algorithm").
     fn openness(&self, at: usize) -> f32 {
         let [width, height] = self.view.size;
         let [start, direction] = ray(self.view, at);
@@ -177,7 +177,7 @@ impl<'a> Scene<'a> {
         (1.0 - 2.2 * hidden / SAMPLES as f32).clamp(0.15, 1.0)
     }
 
-    /// Where to sample around a pixel: turned by interleaved gradient noise (Jimenez 2014).
+    /// Where to sample around a pixel: rotated by interleaved gradient noise (Jimenez 2014).
     fn disc(&self, at: usize) -> &[[f32; 2]; SAMPLES] {
         let (x, y) = ((at % self.view.size[0]) as f32, (at / self.view.size[0]) as f32);
         let fraction = |x: f32| x - x as i32 as f32;
@@ -198,7 +198,8 @@ fn pane(behind: Rgb, hit: &Hit, direction: &V3, light: &V3) -> Rgb {
     std::array::from_fn(|k| behind[k] * (1.0 - milk) + GLASS[k] * shade * milk)
 }
 
-/// Normal of the smoothed surface from its neighbours in the picture; that of the ball where it stands alone.
+/// Normal of the smoothed surface from its neighbours in the picture. Where it has none, the ball's
+/// own normal.
 fn particle_normal(view: &View, particles: &Depths, at: usize, ball: &Ball) -> V3 {
     let [width, height] = view.size;
     let position = |at: usize| {
@@ -206,7 +207,7 @@ fn particle_normal(view: &View, particles: &Depths, at: usize, ball: &Ball) -> V
         start + direction * particles.depth[at]
     };
     let x = position(at);
-    // The neighbour whose depth is nearer, so that slopes are not taken across outlines.
+    // The neighbour with the nearer depth, so that slopes are not taken across outlines.
     let slope = |before: Option<usize>, after: Option<usize>| {
         let difference = |other: Option<usize>| {
             other.filter(|&other| (particles.depth[other] - particles.depth[at]).abs() < 2.0 * ball.radius)

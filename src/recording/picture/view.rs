@@ -8,7 +8,7 @@ use gridfall_core::sim::setup::{Axis, Material, Setup};
 /// A box by its corners.
 pub type Bounds = [V3; 2];
 
-/// A perspective camera; also a parallel one, for plane scenes and for the light.
+/// A perspective camera, or a parallel one for plane scenes and for the light.
 #[derive(Clone, Debug)]
 pub struct View {
     /// Width and height (samples).
@@ -17,19 +17,19 @@ pub struct View {
     pub samples: usize,
     /// Pixels along each side of the shadow map that goes with the view.
     pub shadows: usize,
-    /// What shall be seen.
+    /// What must be in view.
     pub focus: Bounds,
     pub right: V3,
     pub up: V3,
     pub forward: V3,
-    /// The camera, from which depths are measured; of a parallel one, its picture's centre.
+    /// The camera, from which depths are measured; of a parallel one, the centre of its picture.
     pub eye: V3,
-    /// Pixels per metre at unit depth, or everywhere if parallel.
+    /// Pixels per metre at unit depth; everywhere if parallel.
     scale: f32,
     perspective: bool,
 }
 
-/// Height above the horizon, and angle between the picture's plane and the scene's longer side.
+/// Height above the horizon, and the angle between the picture's plane and the scene's longer side.
 const ELEVATION: f32 = 0.40;
 const TURN: f32 = 0.5;
 /// Half the horizontal angle of view.
@@ -57,7 +57,8 @@ impl View {
         let center = (focus[0] + focus[1]) / 2.0;
         let tangent = HALF_ANGLE.tan() * FILL;
         let aspect = size[1] as f32 / size[0] as f32;
-        // Twice: the distance from which all corners are seen, then the shift that centres them in the picture.
+        // Twice: first the distance from which all corners are visible, then the shift that centres
+        // them.
         let (mut distance, mut shift) = (0.0f32, V3::zeros());
         for _ in 0..4 {
             distance = 0.0;
@@ -111,7 +112,8 @@ impl View {
         if self.perspective { self.scale / depth } else { self.scale }
     }
 
-    /// Start and unprojected direction of a pixel's ray: the point at a depth is start + depth × direction.
+    /// Origin and unnormalised direction of a pixel's ray: the point at a depth is
+    /// start + depth × direction.
     pub fn ray(&self, column: f32, row: f32) -> [V3; 2] {
         let [w, h] = self.size.map(|s| s as f32 / 2.0);
         let offset = (self.right * (column - w) + self.up * (h - row)) / self.scale;
@@ -124,14 +126,15 @@ pub fn corners(bounds: &Bounds) -> [V3; 8] {
     std::array::from_fn(|k| V3::new(bounds[k & 1].x, bounds[k >> 1 & 1].y, bounds[k >> 2].z))
 }
 
-/// The height of the floor on which things fall; none without gravity along −z and a wall there.
+/// The height of the floor that things fall on. `None` unless gravity points along −z and there is
+/// a wall.
 pub fn floor(setup: &Setup) -> Option<f32> {
     let walled = setup.dimension == 3 && matches!(setup.axes[2], Axis::Walls(_));
     (walled && setup.gravity[2] < 0.0).then_some(setup.origin[2] as f32)
 }
 
-/// What will be seen: where the bodies are and where they would fly freely, inside the domain; with all the floor that a
-/// fluid may flood, and the colliders.
+/// What will be visible: where the bodies are and where they would fly freely, inside the domain,
+/// together with all of the floor that a fluid may flood, and the colliders.
 pub fn focus(setup: &Setup, particles: &Particles) -> Bounds {
     let domain = domain_box(setup).map(to_f32);
     if setup.dimension == 2 {

@@ -20,14 +20,16 @@ use gridfall_scene::assets::examine;
     request_body(content = dto::Bytes, content_type = "application/octet-stream"),
     responses(
         (status = 200, body = Asset, description = "It was there already"),
-        (status = 201, body = Asset, description = "Kept", headers(("Location" = String, description = "Path of the asset"))),
+        (status = 201, body = Asset, description = "Kept",
+            headers(("Location" = String, description = "Path of the asset"))),
         (status = 422, body = dto::Problem, content_type = PROBLEM, description = "`invalid_asset`"),
     ))]
 pub async fn put(State(api): State<Api>, AssetBody(bytes): AssetBody) -> Result<Response, Problem> {
     let permit = permit(&api).await?;
     let files = api.data.assets();
     let kept = tokio::task::spawn_blocking(move || {
-        // Held here, not by the request: a client that goes away does not make the work cheaper.
+        // Held here and not by the request: a client that disconnects does not make the work
+        // cheaper.
         let _permit = permit;
         let kind = examine(&bytes).map_err(|reason| Problem::new(Code::InvalidAsset, reason))?;
         files.put(&bytes, kind).map_err(Problem::from)

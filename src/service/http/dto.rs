@@ -1,4 +1,5 @@
-//! What goes over the wire. Kept apart from the store's records and the scene's schema, so that each may change alone.
+//! Request and response types. They are separate from the store's records and the scene's schema,
+//! so that each can change on its own.
 
 use std::collections::BTreeMap;
 

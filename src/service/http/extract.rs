@@ -1,4 +1,4 @@
-//! Parts of requests, with rejections as problems.
+//! Extractors of parts of requests, with rejections as problems.
 
 use std::error::Error;
 use std::future::poll_fn;
@@ -15,8 +15,8 @@ use uuid::Uuid;
 use super::problem::{Code, Problem};
 use super::state::Api;
 
-/// Bytes beyond the limit that are read and thrown away before a body is refused. A client that is still sending when the
-/// connection is closed may never see why.
+/// Bytes beyond the limit that are read and discarded before a body is refused. A client that is
+/// still sending when the connection closes may never see the reason.
 const DISCARDED_BYTES: usize = 64 << 20;
 
 /// A JSON body.
@@ -84,7 +84,7 @@ fn json_problem(rejection: &JsonRejection) -> Problem {
     }
 }
 
-/// The innermost message of an error: the one that is about the client's data.
+/// The innermost message of an error, which is about the client's data.
 fn reason(error: &(dyn Error + 'static)) -> String {
     let mut innermost = error;
     while let Some(source) = innermost.source() {

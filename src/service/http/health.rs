@@ -1,4 +1,4 @@
-//! Is the server alive, and can it take and run jobs?
+//! Health checks: is the server alive, and can it accept and run jobs?
 
 use axum::Json;
 use axum::extract::State;
@@ -17,7 +17,8 @@ pub async fn livez() -> Json<Live> {
 /// Can the server take and run jobs, and if not, why?
 #[utoipa::path(get, path = "/readyz", tag = "health", responses(
     (status = 200, body = Ready),
-    (status = 503, body = super::dto::Problem, content_type = "application/problem+json", description = "`not_ready`, with all `checks`"),
+    (status = 503, body = super::dto::Problem, content_type = "application/problem+json",
+        description = "`not_ready`, with all `checks`"),
 ))]
 pub async fn readyz(State(api): State<Api>) -> Result<Json<Ready>, Problem> {
     let store = match api.store.ping().await {

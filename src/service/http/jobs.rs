@@ -1,4 +1,4 @@
-//! Jobs: submit, list, look at, cancel, delete.
+//! Jobs: submit, list, read, cancel, delete.
 
 use axum::Json;
 use axum::extract::State;
@@ -21,12 +21,14 @@ const IDEMPOTENCY_KEY: &str = "idempotency-key";
 /// Submits a scene. It is judged before it is accepted: all its faults come back at once.
 #[utoipa::path(post, path = "/v1/jobs", tag = "jobs",
     params(("Idempotency-Key" = Option<String>, Header,
-        description = "1 to 255 printable characters of your choice. A request repeated under the same key is accepted once.")),
+        description = "1 to 255 printable characters of your choice. \
+            A request repeated under the same key is accepted once.")),
     request_body = SubmitJob,
     responses(
         (status = 202, body = dto::Job, description = "Accepted, or accepted before under the same idempotency key",
             headers(("Location" = String, description = "Path of the job"))),
-        (status = 400, body = dto::Problem, content_type = PROBLEM, description = "`invalid_json`, `invalid_body`, `invalid_header`"),
+        (status = 400, body = dto::Problem, content_type = PROBLEM,
+            description = "`invalid_json`, `invalid_body`, `invalid_header`"),
         (status = 422, body = dto::Problem, content_type = PROBLEM,
             description = "`invalid_scene` with all its `faults`, `invalid_request`, `idempotency_key_reused`"),
         (status = 429, body = dto::Problem, content_type = PROBLEM, description = "`queue_full`",
@@ -95,7 +97,7 @@ pub async fn list(State(api): State<Api>, Query(query): Query<ListJobs>) -> Resu
     let before = query.cursor.map(|cursor| cursor.parse::<i64>()).transpose().map_err(|_| {
         Problem::new(Code::InvalidQuery, "cursor is not one that this server gave out; take next_cursor of a page")
     })?;
-    // One more than asked for tells whether there is another page.
+    // One more than asked for shows whether there is another page.
     let mut jobs = api.store.list(query.status, before, limit + 1).await?;
     let more = jobs.len() > limit as usize;
     jobs.truncate(limit as usize);

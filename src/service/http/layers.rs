@@ -1,4 +1,4 @@
-//! What happens to every request, whichever its route.
+//! Middleware that applies to every route.
 
 use std::any::Any;
 use std::time::Instant;
@@ -25,7 +25,8 @@ pub async fn observe(State(api): State<Api>, request: Request, next: Next) -> Re
     response
 }
 
-/// Gives up on requests that take too long to answer. The body of an answer may take as long as it needs.
+/// Times out requests that take too long to answer. The body of an answer may take as long as it
+/// needs.
 pub async fn bound_time(State(api): State<Api>, request: Request, next: Next) -> Response {
     let within = api.config.handler_timeout;
     timeout(within, next.run(request)).await.unwrap_or_else(|_| {

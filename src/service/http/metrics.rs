@@ -1,4 +1,5 @@
-//! Numbers for Prometheus. No label has a job's id: jobs are without number, series must not be.
+//! Metrics for Prometheus. No label has a job's id: the number of jobs is unbounded, and the number
+//! of series must not be.
 
 use axum::extract::State;
 use axum::http::{Method, StatusCode, header};
@@ -71,7 +72,7 @@ impl Metrics {
     }
 }
 
-/// Clients may invent methods; series must stay few.
+/// Clients may invent methods; the number of series must stay small.
 fn method_label(method: &Method) -> &'static str {
     match *method {
         Method::GET => "GET",

@@ -1,4 +1,4 @@
-//! The HTTP API. `router` has all of it on one page.
+//! The HTTP API. `router` lists all of it on one page.
 
 mod assets;
 mod dto;

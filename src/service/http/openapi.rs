@@ -1,4 +1,4 @@
-//! The API's OpenAPI 3.1 document, made from the handlers.
+//! The API's OpenAPI 3.1 document, generated from the handlers.
 
 use std::collections::BTreeMap;
 
@@ -13,13 +13,15 @@ use super::{dto, router};
 /// Media type of errors.
 pub const PROBLEM: &str = "application/problem+json";
 
-/// What the document says of the API as a whole.
+/// What the document says about the API as a whole.
 #[derive(OpenApi)]
 #[openapi(
     info(
         title = "Gridfall",
-        description = "Submit material point method (MPM) scenes as jobs, watch them, and download their recordings.\n\n\
-            Every error is an RFC 9457 problem with a stable `code`; clients should go by it and ignore members they do not know.",
+        description = "Submit material point method (MPM) scenes as jobs, watch them, \
+            and download their recordings.\n\n\
+            Every error is an RFC 9457 problem with a stable `code`; \
+            clients should go by it and ignore members they do not know.",
         license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0"),
     ),
     components(schemas(dto::Problem)),
@@ -34,12 +36,12 @@ pub const PROBLEM: &str = "application/problem+json";
 )]
 pub(super) struct Description;
 
-/// The document, complete.
+/// The complete document.
 pub fn document() -> Document {
     router::routes().1
 }
 
-/// The document as `api/openapi.json` holds it.
+/// The document as stored in `api/openapi.json`.
 pub fn document_json() -> String {
     document().to_pretty_json().expect("the document is plain data") + "\n"
 }
@@ -50,7 +52,8 @@ pub async fn openapi() -> Json<Document> {
     Json(document())
 }
 
-/// Adds to each operation the problems that follow from its form, and descriptions where handlers gave none.
+/// Adds to each operation the problems that follow from its form, and descriptions where handlers
+/// gave none.
 pub(super) fn complete(document: &mut Document) {
     for (path, item) in &mut document.paths.paths {
         for operation in [&mut item.get, &mut item.post, &mut item.put, &mut item.delete].into_iter().flatten() {

@@ -1,4 +1,4 @@
-//! What a job produces: its recording, a picture and its diagnostics.
+//! Outputs of a job: its recording, a picture and its diagnostics.
 
 use std::io;
 use std::path::Path;
@@ -38,7 +38,8 @@ use gridfall_recording::{self as recording, RecordingError};
         (status = 206, content_type = "application/octet-stream", body = dto::Bytes,
             headers(("ETag" = String), ("Content-Range" = String))),
         (status = 304, description = "The recording is as it was"),
-        (status = 404, body = dto::Problem, content_type = PROBLEM, description = "`job_not_found`, `output_not_found`"),
+        (status = 404, body = dto::Problem, content_type = PROBLEM,
+            description = "`job_not_found`, `output_not_found`"),
         (status = 416, body = dto::Problem, content_type = PROBLEM, description = "`range_not_satisfiable`"),
     ))]
 pub async fn recording(
@@ -56,11 +57,11 @@ pub async fn recording(
     if let Some(response) = snapshot(&files, &name).await? {
         return Ok(response);
     }
-    // A recording that was finished between the two looks is there now.
+    // If the recording was finished between the two looks, it is there now.
     file.send(&method, &headers).await?.ok_or_else(|| missing("recording", status))
 }
 
-/// The frames so far as a complete recording; none before the first one is written.
+/// The frames so far as a complete recording; `None` before the first one is written.
 async fn snapshot(files: &JobFiles, name: &str) -> Result<Option<Response>, Problem> {
     let path = files.partial_recording();
     let Some(file) = found(File::open(&path).await)? else { return Ok(None) };
@@ -76,7 +77,7 @@ async fn snapshot(files: &JobFiles, name: &str) -> Result<Option<Response>, Prob
         (header::CONTENT_TYPE, "application/octet-stream".to_owned()),
         (header::CONTENT_LENGTH, length.to_string()),
         (header::CONTENT_DISPOSITION, format!("attachment; filename=\"{name}\"")),
-        // The next look finds more frames.
+        // The next request finds more frames.
         (header::ACCEPT_RANGES, "none".to_owned()),
         (header::CACHE_CONTROL, "no-store".to_owned()),
     ];
@@ -93,7 +94,8 @@ async fn snapshot(files: &JobFiles, name: &str) -> Result<Option<Response>, Prob
         (status = 200, content_type = "image/png", body = dto::Bytes, headers(("ETag" = String))),
         (status = 206, content_type = "image/png", body = dto::Bytes),
         (status = 304, description = "The picture is as it was"),
-        (status = 404, body = dto::Problem, content_type = PROBLEM, description = "`job_not_found`, `output_not_found`"),
+        (status = 404, body = dto::Problem, content_type = PROBLEM,
+            description = "`job_not_found`, `output_not_found`"),
         (status = 416, body = dto::Problem, content_type = PROBLEM, description = "`range_not_satisfiable`"),
     ))]
 pub async fn thumbnail(
@@ -116,7 +118,8 @@ pub async fn thumbnail(
             (Diagnostics = "application/json"),
             (String = "text/csv"),
         )),
-        (status = 404, body = dto::Problem, content_type = PROBLEM, description = "`job_not_found`, `output_not_found`"),
+        (status = 404, body = dto::Problem, content_type = PROBLEM,
+            description = "`job_not_found`, `output_not_found`"),
     ))]
 pub async fn diagnostics(
     State(api): State<Api>,
@@ -138,7 +141,8 @@ pub async fn diagnostics(
     })
 }
 
-/// CSV of numbers and flags to JSON. What is neither a flag nor a finite number is null.
+/// Converts a CSV of numbers and flags to JSON. Anything that is neither a flag nor a finite number
+/// becomes null.
 fn rows(csv: &str) -> Vec<serde_json::Value> {
     let mut lines = csv.lines();
     let columns: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
@@ -176,16 +180,16 @@ fn found<T>(result: io::Result<T>) -> io::Result<Option<T>> {
     }
 }
 
-/// A file as the answer to a `GET` or `HEAD`.
+/// A file as the response to a `GET` or `HEAD`.
 pub(super) struct FileAnswer<'a> {
     pub path: &'a Path,
     pub content_type: &'static str,
-    /// Name under which browsers save it.
+    /// File name that browsers save it under.
     pub download: Option<&'a str>,
 }
 
 impl FileAnswer<'_> {
-    /// None when there is no such file.
+    /// `None` if there is no such file.
     pub async fn send(&self, method: &Method, request: &HeaderMap) -> Result<Option<Response>, Problem> {
         let Some(mut file) = found(File::open(self.path).await)? else { return Ok(None) };
         let metadata = file.metadata().await?;
@@ -195,7 +199,8 @@ impl FileAnswer<'_> {
         if entity_tag_matches(request.get(header::IF_NONE_MATCH), &tag) {
             return Ok(Some(not_modified(&tag)));
         }
-        // A range of another version of the file would not fit what the client has; ranges are for GET alone.
+        // A range of another version of the file would not fit what the client has. Ranges apply
+        // only to GET.
         let same_version = request.get(header::IF_RANGE).is_none_or(|given| given.as_bytes() == tag.as_bytes());
         let range = request.get(header::RANGE).filter(|_| same_version && method == Method::GET);
         let (status, part) = match select(range, length) {

@@ -58,7 +58,7 @@ codes! {
     NotReady SERVICE_UNAVAILABLE "The server is not ready",
 }
 
-/// An error on its way to the client.
+/// An error that will be sent to the client.
 #[derive(Debug)]
 pub struct Problem {
     code: Code,
@@ -130,7 +130,7 @@ impl Code {
     }
 }
 
-/// Failures that are not the client's: logged in full, told in short.
+/// Failures that are not the client's: logged in full, reported briefly.
 impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
         internal(error)

@@ -5,7 +5,7 @@ use std::ops::Range;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
-/// What a request asks for of a file.
+/// The part of a file that a request asks for.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Selection {
     Whole,
@@ -13,8 +13,9 @@ pub enum Selection {
     Unsatisfiable,
 }
 
-/// Reads a `Range` header for a file of `length` bytes. A server may answer with the whole file whatever is asked: this
-/// one does for several ranges at once, for units other than bytes, and for headers out of form.
+/// Parses a `Range` header for a file of `length` bytes. A server may always answer with the whole
+/// file. This one does so for several ranges at once, for units other than bytes, and for malformed
+/// headers.
 pub fn select(range: Option<&HeaderValue>, length: u64) -> Selection {
     let Some(spec) = range.and_then(|value| value.to_str().ok()).and_then(|value| value.strip_prefix("bytes=")) else {
         return Selection::Whole;
@@ -43,7 +44,7 @@ fn part(start: u64, end: u64, length: u64) -> Selection {
     if start < length { Selection::Part(start..end.min(length)) } else { Selection::Unsatisfiable }
 }
 
-/// True when a list of entity tags (`If-None-Match`) has `tag`, or is `*`.
+/// True if a list of entity tags (`If-None-Match`) contains `tag`, or is `*`.
 pub fn entity_tag_matches(header: Option<&HeaderValue>, tag: &str) -> bool {
     let Some(list) = header.and_then(|value| value.to_str().ok()) else { return false };
     list.split(',').map(str::trim).any(|given| given == "*" || given.trim_start_matches("W/") == tag)

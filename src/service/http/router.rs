@@ -1,4 +1,5 @@
-//! The whole API on one page. A handler's attribute has its path, so that the routes and the document cannot differ.
+//! The whole API on one page. A handler's attribute holds its path, so that the routes and the
+//! document cannot differ.
 
 use axum::extract::DefaultBodyLimit;
 use axum::http::{HeaderName, Method, header};
@@ -60,9 +61,10 @@ pub fn router(api: Api) -> Router {
         .with_state(api)
 }
 
-/// Lets pages from anywhere read what viewers show, by ranges. The rest of the API is not for other origins' scripts.
+/// Lets pages from any origin read what viewers show, by ranges. The rest of the API is closed to
+/// scripts of other origins.
 fn for_viewers((schemas, paths, route): UtoipaMethodRouter<Api>) -> UtoipaMethodRouter<Api> {
-    // The fallback must be inside the layer: it is what browsers' preflight requests would meet.
+    // The fallback must be inside the layer, because browsers' preflight requests would reach it.
     (schemas, paths, route.fallback(layers::method_not_allowed).layer(viewers_cors()))
 }
 
@@ -72,7 +74,8 @@ fn viewers_cors() -> CorsLayer {
         .allow_methods([Method::GET, Method::HEAD])
         .allow_headers([header::RANGE, header::IF_RANGE, header::IF_NONE_MATCH, header::CACHE_CONTROL])
         .expose_headers(EXPOSED)
-        // Browsers ask before a public page may read from a private address, such as the user's own machine.
+        // Browsers ask before a public page may read from a private address, such as the user's own
+        // machine.
         .allow_private_network(true)
 }
 

@@ -1,4 +1,4 @@
-//! Scenes: are they valid, what do they cost, and what may be in them?
+//! Scenes: are they valid, what do they cost, and what may they contain?
 
 use axum::Json;
 use axum::extract::State;
@@ -30,7 +30,7 @@ pub async fn validate(
     Ok(Json(ValidScene { valid: true, estimate: estimate.into() }))
 }
 
-/// Waits for the right to judge something: a bounded number at a time.
+/// Waits for permission to check a scene; only a limited number is checked at a time.
 pub async fn permit(api: &Api) -> Result<OwnedSemaphorePermit, Problem> {
     match timeout(api.config.validation_wait, api.validations.clone().acquire_owned()).await {
         Ok(permit) => permit.map_err(internal),
@@ -38,7 +38,8 @@ pub async fn permit(api: &Api) -> Result<OwnedSemaphorePermit, Problem> {
     }
 }
 
-/// Judges the scene of a request beside the runtime, a bounded number at a time, and passes what can run to `with`.
+/// Checks the scene of a request off the runtime, a limited number at a time. Passes valid scenes
+/// to `with`.
 pub async fn judge<T: Send + 'static>(
     api: &Api,
     request: SubmitJob,
@@ -47,7 +48,8 @@ pub async fn judge<T: Send + 'static>(
     let permit = permit(api).await?;
     let (limits, assets) = (api.config.limits, api.data.assets());
     let judged = tokio::task::spawn_blocking(move || {
-        // Held here, not by the request: a client that goes away does not make the work cheaper.
+        // Held here and not by the request: a client that disconnects does not make the work
+        // cheaper.
         let _permit = permit;
         let overrides: Vec<String> = request.overrides.iter().map(|(path, value)| format!("{path}={value}")).collect();
         admit(request.scene, &overrides, &limits, &assets).map(with)

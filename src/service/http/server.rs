@@ -1,4 +1,4 @@
-//! A server: store, worker and API together, from start to graceful end.
+//! A server: store, worker and API together, from start to graceful shutdown.
 
 use std::future::Future;
 use std::io;
@@ -15,16 +15,16 @@ use super::state::{Api, Config};
 use crate::jobs::{OpenDevices, Worker};
 use crate::store::{DataDir, JobStore, StoreError};
 
-/// How long open connections may go on after the end was asked for; downloads are cut off then.
+/// How long open connections may continue after shutdown was requested. Downloads are then cut off.
 const DRAIN: Duration = Duration::from_secs(2);
 /// How long the worker may take to put its job back.
 const WORKER_PATIENCE: Duration = Duration::from_secs(5);
 
-/// What a server is to do.
+/// Configuration of a server.
 pub struct Options {
     pub listen: SocketAddr,
     pub data_dir: PathBuf,
-    /// Accept a `listen` address that others can reach, although nobody is asked for a key.
+    /// Accept a `listen` address that other machines can reach, although clients need no key.
     pub insecure_no_auth: bool,
     pub config: Config,
     pub devices: OpenDevices,
@@ -33,9 +33,9 @@ pub struct Options {
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
     #[error(
-        "--listen {0} is open to other machines, and this server asks nobody for a key: anyone who can reach it could run \
-         and delete jobs. Listen on a loopback address (127.0.0.1), put a proxy that authenticates in front of it, or, where \
-         the network itself keeps strangers out, pass --insecure-no-auth"
+        "--listen {0} is open to other machines, and this server asks nobody for a key: anyone who can reach it could \
+         run and delete jobs. Listen on a loopback address (127.0.0.1), put a proxy that authenticates in front of it, \
+         or, where the network itself keeps strangers out, pass --insecure-no-auth"
     )]
     OpenToStrangers(SocketAddr),
     #[error("cannot listen on {address}: {error}; choose another --listen address")]
@@ -47,14 +47,14 @@ pub enum ServeError {
 }
 
 impl ServeError {
-    /// True when other options would help.
+    /// True if other options would help.
     pub fn is_bad_input(&self) -> bool {
         matches!(self, Self::OpenToStrangers(_) | Self::Listen { .. } | Self::Store(StoreError::Locked { .. }))
     }
 }
 
-/// Serves until `shutdown` resolves, then ends gracefully: no new connections, the running job back in the queue.
-/// `listening` is told the address once requests are taken.
+/// Serves until `shutdown` resolves, then ends gracefully: no new connections, and the running job
+/// goes back into the queue. `listening` is called with the address once requests are accepted.
 pub async fn serve(
     options: Options,
     listening: impl FnOnce(SocketAddr),
@@ -80,14 +80,15 @@ pub async fn serve(
             .with_graceful_shutdown(async move {
                 shutdown.await;
                 tracing::info!("shutting down");
-                // The receiver is gone only when serving has ended by itself.
+                // The receiver is gone only if serving ended by itself.
                 let _ = asked.send(());
             })
             .into_future(),
     );
     listening(address);
     let abort = server.abort_handle();
-    // Ends with `Ok` when asked to, with `Err` when serving ended by itself and dropped the sender.
+    // Ends with `Ok` when asked to, and with `Err` if serving ended by itself and dropped the
+    // sender.
     let by_request = end.await.is_ok();
     worker.shared().stop();
     let served = tokio::time::timeout(DRAIN, server).await;

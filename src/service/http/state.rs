@@ -1,4 +1,4 @@
-//! What the handlers share.
+//! State that the handlers share.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -10,7 +10,7 @@ use crate::jobs;
 use crate::store::{DataDir, JobStore};
 use gridfall_scene::Limits;
 
-/// Bounds on what clients may ask of the server.
+/// Limits on what clients may ask of the server.
 #[derive(Clone, Debug)]
 pub struct Config {
     /// Largest request body (bytes).
@@ -19,13 +19,13 @@ pub struct Config {
     pub max_asset_bytes: usize,
     /// How long a request body may take to arrive.
     pub body_timeout: Duration,
-    /// How long a request may take to be answered, the body of the answer aside.
+    /// How long a request may take to be answered, not counting the body of the answer.
     pub handler_timeout: Duration,
-    /// Jobs that may wait.
+    /// Maximum number of waiting jobs.
     pub max_queued: i64,
-    /// Scenes judged at a time; each may need as much memory as its particles do.
+    /// Number of scenes checked at a time; each may need as much memory as its particles do.
     pub max_validations: usize,
-    /// How long a scene may wait to be judged.
+    /// How long a scene may wait to be checked.
     pub validation_wait: Duration,
     pub limits: Limits,
 }

@@ -1,4 +1,4 @@
-//! The bounds on what clients may ask: each is tested to bind, on the real router.
+//! Tests that each limit on clients takes effect, on the real router.
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! From what a client sends to a problem that can run, or all its faults at once.
+//! From a client's scene to a problem that can run, or all its faults at once.
 
 use serde_json::Value;
 
@@ -6,7 +6,7 @@ use gridfall_core::sim::setup::Problem;
 use gridfall_scene::assets::Assets;
 use gridfall_scene::{self as scene, Fault, Limits, Scene};
 
-/// A scene found valid.
+/// A scene that was found valid.
 pub struct Admitted {
     /// The document with overrides applied.
     pub document: String,
@@ -14,7 +14,7 @@ pub struct Admitted {
     pub problem: Problem,
 }
 
-/// Applies `overrides` (each `path=value`) to a scene document and judges the result.
+/// Applies `overrides` (each `path=value`) to a scene document and checks the result.
 pub fn admit(
     mut document: Value,
     overrides: &[String],

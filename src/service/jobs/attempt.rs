@@ -18,17 +18,17 @@ use gridfall_recording::Appearance;
 use gridfall_recording::run::{self, FrameReport, Observer, Outputs, RunError};
 use gridfall_scene::{self as scene, Fault};
 
-/// How often progress is written and a request to cancel is looked for.
+/// How often progress is written and cancellation is checked.
 const HEARTBEAT: Duration = Duration::from_millis(250);
 
 /// How an attempt ended.
 #[derive(Debug)]
 pub(super) enum Ending {
-    /// With its job. After a panic nobody knows what state the devices are in.
+    /// The job ended too. After a panic the state of the devices is unknown.
     Finished { outcome: Outcome, devices_suspect: bool },
-    /// With its device; the job may be tried again.
+    /// The device was lost; the job may be tried again.
     Lost(Failure),
-    /// Because the server stops.
+    /// The server is stopping.
     Stopped,
 }
 
@@ -38,7 +38,7 @@ impl From<Outcome> for Ending {
     }
 }
 
-/// Runs a claimed job. A panic of the engine ends in a failure.
+/// Runs a claimed job. A panic of the engine becomes a failure.
 pub(super) fn run(context: &Context, claim: &Claim, files: &JobFiles, source: &dyn EngineSource) -> Ending {
     let watch = Arc::new(Watch::new(context.shared.clone()));
     let beating = context.runtime.spawn(heartbeat(context.store.clone(), claim.clone(), watch.clone()));
@@ -66,7 +66,7 @@ pub(super) fn run(context: &Context, claim: &Claim, files: &JobFiles, source: &d
     }
 }
 
-/// Why an attempt did not come to its end.
+/// Why an attempt did not finish.
 enum Stop {
     Engine(EngineError),
     Failed(Failure),
@@ -87,7 +87,7 @@ impl From<RunError> for Stop {
     }
 }
 
-/// A scene that was valid when it was accepted, but is not to this version or on this machine.
+/// The scene was valid when it was accepted, but is not for this version or on this machine.
 impl From<Vec<Fault>> for Stop {
     fn from(faults: Vec<Fault>) -> Self {
         let faults: Vec<String> = faults.iter().map(Fault::to_string).collect();
@@ -122,7 +122,7 @@ fn execute(
     Ok(())
 }
 
-/// Writes progress and brings requests to cancel, until the attempt has ended.
+/// Writes progress and passes on requests to cancel, until the attempt has ended.
 async fn heartbeat(store: JobStore, claim: Claim, watch: Arc<Watch>) {
     loop {
         let ended = timeout(HEARTBEAT, watch.ended.notified()).await.is_ok();
@@ -137,12 +137,12 @@ async fn heartbeat(store: JobStore, claim: Claim, watch: Arc<Watch>) {
     }
 }
 
-/// What the engine's thread and the heartbeat tell each other.
+/// What the engine's thread and the heartbeat share.
 struct Watch {
     shared: Arc<Shared>,
     canceled: AtomicBool,
     ended: Notify,
-    /// Particles, and when they were loaded.
+    /// Number of particles, and when they were loaded.
     loaded: OnceLock<(u64, Instant)>,
     step: AtomicU64,
     /// Bits of an f64.
@@ -200,7 +200,7 @@ impl Observer for Watch {
     }
 }
 
-/// What a panic says.
+/// The message of a panic.
 pub fn panic_message(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().copied().or_else(|| panic.downcast_ref::<String>().map(String::as_str));
     text.unwrap_or("a panic without a message").to_owned()

@@ -1,4 +1,5 @@
-//! Running jobs: admission of scenes, and the worker that takes them from the store to the end.
+//! Running jobs: admission of scenes, and the worker that takes jobs from the store and runs them
+//! to the end.
 
 pub mod admission;
 mod attempt;
@@ -21,12 +22,12 @@ use gridfall_core::sim::setup::Setup;
 use gridfall_engine::choice::Devices;
 use gridfall_engine::{Engine, EngineError};
 
-/// Where a worker gets its engines from. Made and used on the worker's own thread.
+/// Where a worker gets its engines from. Created and used on the worker's own thread.
 pub trait EngineSource {
     /// Loads a problem on the device that suits it.
     fn engine(&self, setup: &Setup, particles: Particles) -> Result<Box<dyn Engine>, EngineError>;
 
-    /// What is open, and why, for people.
+    /// Which devices are open, and why, for people.
     fn describe(&self) -> String;
 }
 
@@ -46,19 +47,19 @@ impl EngineSource for Devices {
 /// Opens the devices; called again after one was lost.
 pub type OpenDevices = Box<dyn Fn() -> Result<Box<dyn EngineSource>, EngineError> + Send>;
 
-/// What the worker is doing about its devices.
+/// State of the worker's devices.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DeviceState {
     Opening,
-    /// What is open, and why.
+    /// Which devices are open, and why.
     Ready(String),
-    /// No device could be opened, and why; it is tried again.
+    /// No device could be opened, and why; the worker will try again.
     Unusable(String),
     /// The worker has ended.
     Stopped,
 }
 
-/// What the worker and the rest of the server tell each other.
+/// What the worker and the rest of the server share.
 #[derive(Debug)]
 pub struct Shared {
     wake: Notify,
@@ -79,7 +80,7 @@ impl Default for Shared {
 }
 
 impl Shared {
-    /// Says that there may be a new job.
+    /// Tells the worker that there may be a new job.
     pub fn wake(&self) {
         self.wake.notify_one();
     }
@@ -106,7 +107,7 @@ impl Shared {
 /// Work done since the server started.
 #[derive(Clone, Debug, Default)]
 pub struct Counters {
-    /// Jobs by the terminal state that the worker brought them to.
+    /// Number of jobs by the terminal state that the worker brought them to.
     pub finished: Family<StatusLabel, Counter>,
     pub frames: Counter,
     pub steps: Counter,

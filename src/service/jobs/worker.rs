@@ -1,4 +1,4 @@
-//! The worker: one thread that owns the devices and takes one job after the other.
+//! The worker: one thread that owns the devices and runs one job after the other.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use crate::store::{Claim, DataDir, JobFiles, JobStore, Outcome, Status, StoreErr
 use gridfall_recording as recording;
 use gridfall_scene::Limits;
 
-/// How long to wait before a failed device or store is tried again.
+/// How long to wait before retrying a failed device or store.
 const RETRY: Duration = Duration::from_secs(2);
 
 /// A running worker.
@@ -26,7 +26,8 @@ pub struct Worker {
 }
 
 impl Worker {
-    /// Settles what the last server left behind, then starts taking jobs. Call inside a tokio runtime.
+    /// Cleans up what the previous server left behind, then starts taking jobs. Call inside a tokio
+    /// runtime.
     pub async fn start(
         store: JobStore,
         data: Arc<DataDir>,
@@ -47,7 +48,7 @@ impl Worker {
         self.shared.clone()
     }
 
-    /// Has the running job put back and waits for the worker to end, at most `patience`.
+    /// Makes the worker put back the running job, and waits at most `patience` for it to end.
     pub async fn stop(self, patience: Duration) {
         self.shared.stop();
         let ended = tokio::task::spawn_blocking(move || self.thread.join());
@@ -59,7 +60,8 @@ impl Worker {
     }
 }
 
-/// Deals with the jobs that were running when the last server died, and with files that belong to no job.
+/// Handles the jobs that were running when the previous server died, and files that belong to no
+/// job.
 async fn recover(store: &JobStore, data: &DataDir) -> Result<(), StoreError> {
     for job in store.recover().await? {
         tracing::warn!(job = %job.id, status = %job.status, "found running after a crash");
@@ -76,7 +78,7 @@ async fn recover(store: &JobStore, data: &DataDir) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Makes what a canceled or failed attempt recorded a complete file.
+/// Completes the recording of a canceled or failed attempt.
 fn keep_partial_recording(files: &JobFiles) {
     let partial = files.partial_recording();
     if partial.exists()
@@ -86,14 +88,14 @@ fn keep_partial_recording(files: &JobFiles) {
     }
 }
 
-/// Removes what an attempt leaves that will be made again.
+/// Removes files of an attempt that will be created again.
 fn remove(files: &JobFiles, id: Uuid) {
     if let Err(error) = files.remove() {
         tracing::warn!(job = %id, %error, "cannot remove an interrupted attempt's files");
     }
 }
 
-/// All that the worker's thread needs.
+/// Everything that the worker's thread needs.
 pub(super) struct Context {
     pub store: JobStore,
     pub data: Arc<DataDir>,
@@ -142,7 +144,7 @@ impl Context {
         None
     }
 
-    /// Runs a claimed job and notes how that ended.
+    /// Runs a claimed job and records how it ended.
     fn run(&self, claim: &Claim, source: &dyn EngineSource) -> Afterwards {
         tracing::info!(job = %claim.id, attempt = claim.attempt, "started");
         let files = self.data.job(claim.id);
@@ -164,7 +166,8 @@ impl Context {
         }
     }
 
-    /// Writes an attempt's ending to the store, for as long as that takes: a job must not stay `running`.
+    /// Writes an attempt's ending to the store and retries until that succeeds: a job must not stay
+    /// `running`.
     fn note(&self, claim: &Claim, ending: &Ending) -> Option<Status> {
         let Claim { id, attempt, .. } = *claim;
         loop {
@@ -192,7 +195,7 @@ impl Context {
         }
     }
 
-    /// Waits before something is tried again, or until the server stops.
+    /// Waits before a retry, or until the server stops.
     fn pause(&self) {
         let until = std::time::Instant::now() + RETRY;
         while !self.shared.stopping() && std::time::Instant::now() < until {
@@ -201,7 +204,7 @@ impl Context {
     }
 }
 
-/// What an attempt leaves to do.
+/// What remains to be done after an attempt.
 #[derive(PartialEq, Eq)]
 enum Afterwards {
     GoOn,

@@ -26,7 +26,7 @@ pub struct AssetFiles {
 }
 
 impl AssetFiles {
-    /// Creates the folder if need be and removes what a crash left unfinished.
+    /// Creates the folder if necessary and removes incomplete files that a crash left.
     pub(super) fn open(dir: PathBuf) -> io::Result<Self> {
         fs::create_dir_all(&dir)?;
         for entry in fs::read_dir(&dir)? {
@@ -38,14 +38,14 @@ impl AssetFiles {
         Ok(Self { dir })
     }
 
-    /// Keeps the bytes; false when they were there already.
+    /// Stores the bytes. Returns false if they were there already.
     pub fn put(&self, bytes: &[u8], kind: &str) -> io::Result<(Asset, bool)> {
         let hex: String = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
         let asset = Asset { id: format!("sha256:{hex}"), bytes: bytes.len() as u64, kind: kind.to_owned() };
         if self.find(&asset.id)?.is_some() {
             return Ok((asset, false));
         }
-        // Renamed when complete, so that no reader ever meets half a file.
+        // Renamed when complete, so that no reader ever sees half a file.
         let partial = self.dir.join(format!("{}.partial", Uuid::now_v7()));
         let mut file = File::create(&partial)?;
         file.write_all(bytes)?;
@@ -77,7 +77,7 @@ impl AssetFiles {
     }
 }
 
-/// The upload that a file is; none for other files.
+/// The upload that a file is; `None` for other files.
 fn asset(path: &Path) -> io::Result<Option<Asset>> {
     let part = |part: Option<&std::ffi::OsStr>| part.and_then(|p| p.to_str()).map(str::to_owned);
     let (Some(hex), Some(kind)) = (part(path.file_stem()), part(path.extension())) else { return Ok(None) };

@@ -1,4 +1,5 @@
-//! The data directory: one folder of outputs a job, the folder of uploads, and the lock that keeps a second server out.
+//! The data directory: one folder of outputs per job, the folder of uploads, and the lock that
+//! keeps a second server out.
 
 use std::collections::HashSet;
 use std::fs::{self, File, TryLockError};
@@ -9,7 +10,7 @@ use uuid::Uuid;
 
 use super::{AssetFiles, StoreError};
 
-/// A data directory owned by this process for as long as the value lives.
+/// A data directory, owned by this process for as long as the value lives.
 #[derive(Debug)]
 pub struct DataDir {
     root: PathBuf,
@@ -18,7 +19,7 @@ pub struct DataDir {
 }
 
 impl DataDir {
-    /// Creates the directory if need be and locks it. Fails when another process has it.
+    /// Creates the directory if necessary and locks it. Fails if another process holds the lock.
     pub fn open(root: &Path) -> Result<Self, StoreError> {
         let at = |error| StoreError::Io { path: root.to_owned(), error };
         fs::create_dir_all(root.join("jobs")).map_err(at)?;
@@ -45,7 +46,7 @@ impl DataDir {
         JobFiles { dir: self.root.join("jobs").join(id.to_string()) }
     }
 
-    /// Removes the folders of jobs that are no longer known.
+    /// Removes the folders of jobs that no longer exist.
     pub fn sweep(&self, known: &HashSet<Uuid>) -> io::Result<()> {
         for entry in fs::read_dir(self.root.join("jobs"))? {
             let entry = entry?;
@@ -87,7 +88,7 @@ impl JobFiles {
         self.dir.join("thumbnail.png")
     }
 
-    /// An empty folder for a new attempt; what an earlier one left goes.
+    /// Creates an empty folder for a new attempt, removing what an earlier one left.
     pub fn reset(&self) -> io::Result<()> {
         self.remove()?;
         fs::create_dir_all(&self.dir)

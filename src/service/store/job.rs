@@ -1,4 +1,4 @@
-//! A job as it is kept.
+//! A job as it is stored.
 
 use std::fmt;
 use std::str::FromStr;
@@ -33,7 +33,7 @@ impl Status {
         }
     }
 
-    /// True once nothing about the job will change any more.
+    /// True if nothing about the job will change any more.
     pub fn is_terminal(self) -> bool {
         !matches!(self, Self::Queued | Self::Running)
     }
@@ -68,7 +68,7 @@ impl Failure {
     }
 }
 
-/// How far an attempt has come.
+/// Progress of an attempt.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Progress {
     pub sim_time_s: f64,
@@ -78,22 +78,22 @@ pub struct Progress {
     pub run_s: f64,
 }
 
-/// What a client wants done, already found valid.
+/// A client's request, already found valid.
 #[derive(Clone, Debug)]
 pub struct NewJob {
     pub name: String,
     /// The scene document with overrides applied.
     pub scene: String,
     pub particles: u64,
-    /// Frames to be written, frame 0 included.
+    /// Number of frames to be written, frame 0 included.
     pub frames: u64,
     pub end_time_s: f64,
     /// `explicit` or `implicit`, and why.
     pub integrator: String,
     pub integrator_reason: String,
-    /// Client's key against accepting one request twice.
+    /// The client's idempotency key, so that a repeated request is accepted once.
     pub idempotency_key: Option<String>,
-    /// Hash of the request, to tell a repetition from another request under the same key.
+    /// Hash of the request, to distinguish a repetition from another request under the same key.
     pub request_sha256: String,
 }
 

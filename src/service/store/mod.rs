@@ -1,7 +1,8 @@
 //! Jobs in SQLite, their outputs and the uploads in a directory.
 //!
-//! All writes go through one connection, so that they never wait for each other inside SQLite; reads have their own.
-//! Every write of an attempt names the attempt (its fencing token) and does nothing once the job has moved on.
+//! All writes go through one connection, so that they never wait for each other inside SQLite.
+//! Reads have their own connections. Every write of an attempt names the attempt (its fencing
+//! token) and does nothing once the job has moved on.
 
 mod assets;
 mod files;
@@ -23,7 +24,7 @@ use row::{ClaimRow, JobRow, select_jobs};
 
 use gridfall_engine::Backend;
 
-/// A scene that took this many processes or devices with it is not tried again.
+/// A scene that brought down this many processes or devices is not tried again.
 pub const MAX_LOST_ATTEMPTS: i64 = 2;
 
 #[derive(Debug, thiserror::Error)]
@@ -40,7 +41,7 @@ pub enum StoreError {
 
 type Result<T, E = StoreError> = std::result::Result<T, E>;
 
-/// What became of a submission.
+/// Result of a submission.
 #[derive(Debug)]
 pub enum Submission {
     Accepted(Job),
@@ -51,11 +52,11 @@ pub enum Submission {
     QueueFull,
 }
 
-/// What became of a deletion.
+/// Result of a deletion.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Deletion {
     Deleted,
-    /// Queued or running: to be canceled first.
+    /// Queued or running: must be canceled first.
     NotFinished(Status),
     NotFound,
 }
@@ -68,7 +69,7 @@ pub enum Outcome {
     Canceled,
 }
 
-/// A job in the hands of a worker.
+/// A job that a worker has claimed.
 #[derive(Clone, Debug)]
 pub struct Claim {
     pub id: Uuid,
@@ -92,13 +93,13 @@ pub struct JobStore {
 }
 
 impl JobStore {
-    /// Opens or creates the database and brings its schema up to date.
+    /// Opens or creates the database and migrates its schema.
     pub async fn open(path: &Path) -> Result<Self> {
         let options = SqliteConnectOptions::new()
             .filename(path)
             .create_if_missing(true)
             .journal_mode(SqliteJournalMode::Wal)
-            // An accepted job survives a power cut, not only a crash.
+            // An accepted job survives a power failure, not only a crash.
             .synchronous(SqliteSynchronous::Full)
             .busy_timeout(Duration::from_secs(5));
         let writer = SqlitePoolOptions::new().max_connections(1).connect_with(options.clone()).await?;
@@ -112,13 +113,13 @@ impl JobStore {
         self.writer.close().await;
     }
 
-    /// Answers a trivial question, as proof of life.
+    /// Runs a trivial query, as proof of life.
     pub async fn ping(&self) -> Result<()> {
         sqlx::query("SELECT 1").execute(&self.reader).await?;
         Ok(())
     }
 
-    /// Puts a job at the end of the queue unless `max_queued` wait already.
+    /// Puts a job at the end of the queue unless `max_queued` jobs are waiting already.
     pub async fn submit(&self, new: &NewJob, max_queued: i64) -> Result<Submission> {
         let mut tx = self.writer.begin_with("BEGIN IMMEDIATE").await?;
         if let Some(key) = &new.idempotency_key {
@@ -142,8 +143,8 @@ impl JobStore {
         }
         let id = Uuid::now_v7().to_string();
         sqlx::query(
-            "INSERT INTO jobs (id, name, scene, idempotency_key, request_sha256, status, created_at, particles, frames, \
-             end_time_s, integrator, integrator_reason) VALUES (?, ?, ?, ?, ?, 'queued', ?, ?, ?, ?, ?, ?)",
+            "INSERT INTO jobs (id, name, scene, idempotency_key, request_sha256, status, created_at, particles, \
+             frames, end_time_s, integrator, integrator_reason) VALUES (?, ?, ?, ?, ?, 'queued', ?, ?, ?, ?, ?, ?)",
         )
         .bind(&id)
         .bind(&new.name)
@@ -169,7 +170,7 @@ impl JobStore {
         Ok(row.map(|row| row.0))
     }
 
-    /// Newest first; only those accepted before `before` (a [`Job::seq`]) if given.
+    /// Newest first; if `before` (a [`Job::seq`]) is given, only those accepted before it.
     pub async fn list(&self, status: Option<Status>, before: Option<i64>, limit: i64) -> Result<Vec<Job>> {
         let rows: Vec<JobRow> = sqlx::query_as(select_jobs!(
             "WHERE (?1 IS NULL OR status = ?1) AND (?2 IS NULL OR seq < ?2) ORDER BY seq DESC LIMIT ?3"
@@ -182,7 +183,7 @@ impl JobStore {
         Ok(rows.into_iter().map(|row| row.0).collect())
     }
 
-    /// Jobs in each status.
+    /// Number of jobs in each status.
     pub async fn counts(&self) -> Result<[(Status, i64); 5]> {
         let rows: Vec<(String, i64)> =
             sqlx::query_as("SELECT status, count(*) FROM jobs GROUP BY status").fetch_all(&self.reader).await?;
@@ -190,7 +191,8 @@ impl JobStore {
             .map(|status| (status, rows.iter().find(|(name, _)| name == status.as_str()).map_or(0, |(_, n)| *n))))
     }
 
-    /// Ends a queued job; asks the worker of a running one to stop. Does nothing to a job that has ended.
+    /// Ends a queued job; asks the worker of a running one to stop. Does nothing to a job that has
+    /// ended.
     pub async fn cancel(&self, id: Uuid) -> Result<Option<Job>> {
         sqlx::query(
             "UPDATE jobs SET cancel_requested = 1, \
@@ -205,7 +207,7 @@ impl JobStore {
         self.get(id).await
     }
 
-    /// Forgets a job that has ended; its files are the caller's to remove.
+    /// Deletes a job that has ended; the caller removes its files.
     pub async fn delete(&self, id: Uuid) -> Result<Deletion> {
         let deleted = sqlx::query("DELETE FROM jobs WHERE id = ? AND status NOT IN ('queued', 'running')")
             .bind(id.to_string())
@@ -218,7 +220,7 @@ impl JobStore {
         Ok(self.get(id).await?.map_or(Deletion::NotFound, |job| Deletion::NotFinished(job.status)))
     }
 
-    /// Takes the job that has waited longest.
+    /// Claims the job that has waited longest.
     pub async fn claim(&self) -> Result<Option<Claim>> {
         let row: Option<ClaimRow> = sqlx::query_as(
             "UPDATE jobs SET status = 'running', attempt = attempt + 1, started_at = ?, backend = NULL, \
@@ -231,7 +233,7 @@ impl JobStore {
         Ok(row.map(|row| row.0))
     }
 
-    /// Notes what an attempt runs on.
+    /// Records what an attempt runs on.
     pub async fn set_backend(&self, id: Uuid, attempt: i64, backend: &Backend) -> Result<()> {
         let backend = serde_json::to_string(backend).expect("a backend is plain data");
         sqlx::query("UPDATE jobs SET backend = ? WHERE id = ? AND attempt = ? AND status = 'running'")
@@ -243,8 +245,8 @@ impl JobStore {
         Ok(())
     }
 
-    /// Notes how far an attempt has come. Returns whether it shall go on: false after a request to cancel, or when
-    /// the job is no longer this attempt's.
+    /// Records an attempt's progress. Returns whether it should continue: false after a request to
+    /// cancel, or if the job is no longer this attempt's.
     pub async fn heartbeat(&self, id: Uuid, attempt: i64, progress: &Progress) -> Result<bool> {
         let cancel_requested: Option<i64> = sqlx::query_scalar(
             "UPDATE jobs SET sim_time_s = ?, step = ?, frames_written = ?, run_s = ? \
@@ -261,7 +263,7 @@ impl JobStore {
         Ok(cancel_requested == Some(0))
     }
 
-    /// Ends an attempt and its job. Returns false when the job is no longer this attempt's.
+    /// Ends an attempt and its job. Returns false if the job is no longer this attempt's.
     pub async fn finish(&self, id: Uuid, attempt: i64, outcome: &Outcome) -> Result<bool> {
         let (status, failure) = match outcome {
             Outcome::Succeeded => (Status::Succeeded, None),
@@ -284,8 +286,8 @@ impl JobStore {
         Ok(changed > 0)
     }
 
-    /// Puts back the job of an attempt that was stopped by its server; a job that was also canceled ends instead.
-    /// Returns where the job stands.
+    /// Puts back the job of an attempt that its server stopped; if the job was also canceled, it
+    /// ends instead. Returns the job's status.
     pub async fn put_back(&self, id: Uuid, attempt: i64) -> Result<Option<Status>> {
         let status: Option<String> = sqlx::query_scalar(
             "UPDATE jobs SET status = CASE cancel_requested WHEN 1 THEN 'canceled' ELSE 'queued' END, \
@@ -301,12 +303,13 @@ impl JobStore {
         Ok(status.map(known))
     }
 
-    /// Puts back the job of an attempt that took its device with it, unless it has done so before: then it fails
-    /// with `failure`. Returns where the job stands.
+    /// Puts back the job of an attempt that lost its device, unless that has happened before: then
+    /// the job fails with `failure`. Returns the job's status.
     pub async fn lose(&self, id: Uuid, attempt: i64, failure: &Failure) -> Result<Option<Status>> {
         let status: Option<String> = sqlx::query_scalar(
             "UPDATE jobs SET lost_attempts = lost_attempts + 1, \
-               status = CASE WHEN cancel_requested THEN 'canceled' WHEN lost_attempts + 1 >= ?1 THEN 'failed' ELSE 'queued' END, \
+               status = CASE WHEN cancel_requested THEN 'canceled' \
+               WHEN lost_attempts + 1 >= ?1 THEN 'failed' ELSE 'queued' END, \
                started_at = CASE WHEN cancel_requested OR lost_attempts + 1 >= ?1 THEN started_at END, \
                finished_at = CASE WHEN cancel_requested OR lost_attempts + 1 >= ?1 THEN ?2 END, \
                failure_code = CASE WHEN NOT cancel_requested AND lost_attempts + 1 >= ?1 THEN ?3 END, \
@@ -324,13 +327,15 @@ impl JobStore {
         Ok(status.map(known))
     }
 
-    /// Deals with the jobs that were running when the last server of this database died. Call before any claim.
+    /// Handles the jobs that were running when the last server of this database died. Call before
+    /// any claim.
     pub async fn recover(&self) -> Result<Vec<Recovered>> {
         let running: Vec<(String, i64)> =
             sqlx::query_as("SELECT id, attempt FROM jobs WHERE status = 'running'").fetch_all(&self.writer).await?;
         let failure = Failure::new(
             "crashed",
-            "the server died twice while it ran this job; look at the server's log and memory, or make the scene smaller",
+            "the server died twice while it ran this job; look at the server's log and memory, \
+             or make the scene smaller",
         );
         let mut recovered = Vec::new();
         for (id, attempt) in running {

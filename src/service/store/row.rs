@@ -1,4 +1,4 @@
-//! From rows of the table to jobs.
+//! Converts rows of the table to jobs.
 
 use std::error::Error;
 
@@ -14,7 +14,8 @@ macro_rules! select_jobs {
     ($clauses:literal) => {
         concat!(
             "SELECT seq, id, name, status, created_at, started_at, finished_at, attempt, cancel_requested, particles, ",
-            "frames, end_time_s, sim_time_s, step, frames_written, run_s, integrator, integrator_reason, backend, failure_code, failure_message, ",
+            "frames, end_time_s, sim_time_s, step, frames_written, run_s, integrator, integrator_reason, ",
+            "backend, failure_code, failure_message, ",
             "CASE status WHEN 'queued' THEN (SELECT count(*) FROM jobs AS ahead WHERE ahead.status = 'queued' ",
             "AND ahead.seq <= jobs.seq) END AS queue_position FROM jobs ",
             $clauses

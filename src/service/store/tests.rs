@@ -1,4 +1,4 @@
-//! The store keeps its promises, whatever the order of calls.
+//! Tests that the store keeps its guarantees, whatever the order of calls.
 
 use super::*;
 

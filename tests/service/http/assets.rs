@@ -10,7 +10,7 @@ fn mesh(size: f64) -> String {
     vertices + "f 1 3 4 2\nf 1 2 6 5\nf 2 4 8 6\nf 4 3 7 8\nf 3 1 5 7\nf 5 6 8 7\n"
 }
 
-/// A small solid scene with one body of the shape.
+/// A small solid scene with one body of the given shape.
 fn scene(shape: Value) -> Value {
     let mut scene = support::short();
     scene["dimension"] = json!(3);
@@ -43,7 +43,7 @@ fn an_upload_is_kept_by_its_content_and_runs_in_a_job() {
 
     let job = server.submit(scene(json!({ "mesh": { "asset": id } })));
     assert_eq!(server.wait_for(&job, "succeeded")["particles"], 512);
-    // Uploads outlive the server.
+    // Uploads survive a restart of the server.
     server.kill();
     let server = Server::start(dir.path());
     assert_eq!(server.get("/v1/assets").json(), json!({ "assets": [asset] }));

@@ -1,11 +1,11 @@
-//! Every error of the API is a problem with a stable code, whoever found it.
+//! Every error of the API is a problem with a stable code, whichever layer found it.
 
 use super::support::{self, Server};
 use serde_json::{Value, json};
 
 const JSON: (&str, &str) = ("content-type", "application/json");
 
-/// The path of the document that a request's path is an instance of.
+/// The path template of the document that matches a request's path.
 fn template(path: &str) -> String {
     let path = path.split('?').next().unwrap();
     let mut parts: Vec<&str> = path.split('/').collect();
@@ -18,7 +18,7 @@ fn template(path: &str) -> String {
     parts.join("/")
 }
 
-/// Checks that an answer is a problem with this status and code, and that the document promises it.
+/// Checks that a response is a problem with this status and code, and that the document lists it.
 fn assert_problem(document: &Value, request: (&str, &str), answer: &support::Answer, status: u16, code: &str) -> Value {
     let (method, path) = request;
     let what = format!("{method} {path}");
@@ -112,7 +112,7 @@ fn every_error_is_a_documented_problem() {
         }
     }
 
-    // Of a job that runs, and of one that waits behind it.
+    // For a running job, and for one that waits behind it.
     let (running, waiting) = (server.submit(support::endless()), server.submit(support::short()));
     server.wait_for(&running, "running");
     for job in [&running, &waiting] {

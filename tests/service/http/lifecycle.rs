@@ -1,4 +1,5 @@
-//! Every accepted job ends in a terminal state: run, failed, canceled, and across crashes and shutdowns.
+//! Every accepted job reaches a terminal state: succeeded, failed or canceled, also across crashes
+//! and shutdowns.
 
 use std::collections::BTreeSet;
 
@@ -6,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::support::{Server, endless, scene, short};
 
-/// Long enough to be caught in the middle.
+/// Long enough to be interrupted in the middle.
 fn medium() -> Value {
     scene(4.0)
 }
@@ -98,7 +99,7 @@ fn a_running_job_is_canceled_and_keeps_its_recording() {
     let frames = frames_of(&server.get(&format!("{running}/recording.mcap")).body);
     assert_eq!(job["progress"]["frames_written"], frames);
 
-    // The worker goes on with the next job.
+    // The worker continues with the next job.
     server.wait_for(&server.submit(short()), "succeeded");
 }
 
@@ -189,7 +190,7 @@ fn sigterm_puts_the_running_job_back_and_is_not_held_against_it() {
         assert!(server.terminate().success());
         job
     };
-    // Twice more than crashes are forgiven.
+    // More often than crashes are forgiven.
     for attempt in 2..=4 {
         let server = Server::start(dir.path());
         server.wait_until(&job, "the next attempt", |job| {
@@ -228,7 +229,7 @@ fn metrics_count_jobs_without_naming_them() {
     assert!(!text.contains(job.rsplit('/').next().unwrap()), "a label has a job's id");
 }
 
-/// Frames in a recording, by its index; the summary must be whole.
+/// Number of frames in a recording, by its index; the summary must be complete.
 pub fn frames_of(recording: &[u8]) -> u64 {
     let summary = mcap::Summary::read(recording).unwrap().expect("a recording has a summary");
     let statistics = summary.stats.expect("a recording has statistics");

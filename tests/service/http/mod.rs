@@ -1,4 +1,4 @@
-//! The server as its users meet it: a process, a port and HTTP.
+//! The server as its users see it: a process, a port and HTTP.
 
 mod assets;
 mod errors;

@@ -1,4 +1,4 @@
-//! The OpenAPI document is what the server does.
+//! The OpenAPI document matches what the server does.
 
 use super::support::Server;
 use serde_json::Value;
@@ -32,7 +32,7 @@ fn the_server_has_every_documented_operation_and_serves_the_document() {
             operations += 1;
         }
     }
-    // The contract of the issue that made the API; new operations only add to it.
+    // The contract of the issue that introduced the API; new operations only add to it.
     assert!(operations >= 15, "{operations}");
 }
 

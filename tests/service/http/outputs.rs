@@ -1,4 +1,5 @@
-//! Recordings, pictures and diagnostics over HTTP: by ranges, from other origins, and while the job runs.
+//! Recordings, pictures and diagnostics over HTTP: by ranges, from other origins, and while the job
+//! runs.
 
 use serde_json::json;
 
@@ -74,7 +75,7 @@ fn viewers_in_browsers_may_read_recordings_and_nothing_else() {
         assert_eq!((answer.status, &answer.json()["code"]), (405, &json!("method_not_allowed")));
         assert!(answer.header("allow").contains("GET"), "{}", answer.header("allow"));
     }
-    // A page elsewhere must not run jobs here: the browser asks first, and is not allowed.
+    // A page elsewhere must not run jobs here: the browser asks first, and is refused.
     let preflight =
         [origin, ("access-control-request-method", "POST"), ("access-control-request-headers", "content-type")];
     let answer = server.call("OPTIONS", "/v1/jobs", &preflight, "");
@@ -94,7 +95,7 @@ fn a_running_job_gives_a_valid_recording_and_diagnostics_so_far() {
         assert_eq!((snapshot.status, snapshot.header("accept-ranges")), (200, "none"));
         let frames = frames_of(&snapshot.body);
         assert!(frames > last, "{frames} frames, and {last} were there before");
-        // Every message reads, in order of time.
+        // Every message can be read, in order of time.
         let times: Vec<u64> =
             mcap::MessageStream::new(&snapshot.body).unwrap().map(|message| message.unwrap().log_time).collect();
         assert!(times.len() as u64 >= frames && times.is_sorted());

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 use ureq::http::{HeaderMap, Method, Request};
 
-/// Generous: what takes longer than this never comes.
+/// A generous timeout: what takes longer than this never comes.
 const PATIENCE: Duration = Duration::from_secs(300);
 
 pub struct Server {
@@ -87,7 +87,7 @@ impl Server {
         answer.json()
     }
 
-    /// Polls a job until it is as wanted.
+    /// Polls a job until it is in the wanted state.
     pub fn wait_until(&self, path: &str, what: &str, wanted: impl Fn(&Value) -> bool) -> Value {
         let started = Instant::now();
         loop {
@@ -118,7 +118,7 @@ impl Server {
         self.data_dir.join("jobs").join(job.rsplit('/').next().unwrap()).join(name)
     }
 
-    /// SIGKILL: no code of the server runs any more.
+    /// SIGKILL: none of the server's code runs any more.
     pub fn kill(mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
@@ -141,13 +141,13 @@ impl Server {
 
 impl Drop for Server {
     fn drop(&mut self) {
-        // It may have ended already, as a test wanted.
+        // It may have ended already, if the test wanted that.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// A falling elastic square of 64 particles; `end_s` at 100 frames a second.
+/// A falling elastic square of 64 particles; `end_s` seconds at 100 frames per second.
 pub fn scene(end_s: f64) -> Value {
     json!({
         "gridfall": 1, "name": "square", "dimension": 2,
@@ -163,12 +163,12 @@ pub fn scene(end_s: f64) -> Value {
     })
 }
 
-/// A job that is over in a moment.
+/// A job that finishes in a moment.
 pub fn short() -> Value {
     scene(0.05)
 }
 
-/// A job that nobody waits for.
+/// A job that runs too long to wait for.
 pub fn endless() -> Value {
     scene(999.0)
 }

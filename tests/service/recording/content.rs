@@ -1,4 +1,4 @@
-//! What a recording holds is what was simulated.
+//! A recording contains what was simulated.
 
 use std::collections::BTreeSet;
 
@@ -17,7 +17,7 @@ fn a_recording_holds_what_was_simulated() {
     let out = record(&problem, directory.path());
     let recording = &python(&[], std::slice::from_ref(&out.recording))[0];
 
-    // Points are where the particles are, with the fields that were asked for.
+    // Points are at the particles' positions, with the requested fields.
     let mut engine = Ballistic::new(&problem, None);
     let clouds = messages(recording, "/particles");
     assert_eq!(clouds.len(), 6);
@@ -33,7 +33,8 @@ fn a_recording_holds_what_was_simulated() {
         }
         let stretch = 1.001f64.powi(frame as i32);
         assert!(numbers(&points["J"]).iter().all(|j| (j - stretch).abs() < 1e-6));
-        // Fixed corotated under uniaxial strain e: σ_xx − σ_yy = 2µ e (1 + e) / J, J = 1 + e; exactly von Mises' measure.
+        // Fixed corotated under uniaxial strain e: σ_xx − σ_yy = 2µ e (1 + e) / J, J = 1 + e. This
+        // equals the von Mises stress exactly.
         let mu = 1e4 / 2.6;
         let expected = 2.0 * mu * (stretch - 1.0);
         let von_mises = numbers(&points["von_mises"]);
@@ -75,10 +76,13 @@ fn a_scene_runs_on_the_cpu_engine_and_is_recorded() {
         "gridfall": 1, "name": "falling block", "dimension": 2,
         "domain": { "min": [0, 0], "max": [1, 1], "dx": 0.05 },
         "gravity": [0, -10],
-        "materials": { "jelly": { "model": "neo-hookean", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 } },
-        "bodies": [ { "name": "block", "material": "jelly", "shape": { "box": { "min": [0.3, 0.5], "max": [0.7, 0.8] } },
+        "materials": { "jelly": { "model": "neo-hookean", "density": 1000,
+                                  "youngs_modulus": 1e4, "poissons_ratio": 0.3 } },
+        "bodies": [ { "name": "block", "material": "jelly",
+                      "shape": { "box": { "min": [0.3, 0.5], "max": [0.7, 0.8] } },
                       "velocity": [0.5, 0] } ],
-        "colliders": [ { "name": "stone", "shape": { "sphere": { "center": [0.5, 0.1], "radius": 0.1 } }, "contact": "sticky" } ],
+        "colliders": [ { "name": "stone", "shape": { "sphere": { "center": [0.5, 0.1], "radius": 0.1 } },
+                         "contact": "sticky" } ],
         "time": { "end": 0.1, "frame_rate": 50 },
         "solver": { "precision": "f64" }
     });
@@ -100,7 +104,8 @@ fn a_scene_runs_on_the_cpu_engine_and_is_recorded() {
     let points = &messages(recording, "/particles")[5]["content"]["points"];
     assert!(last.x.iter().map(|x| f64::from(x[0] as f32)).eq(numbers(&points["x"])));
     assert!(numbers(&points["z"]).iter().all(|&z| z == 0.0), "2D scenes lie at z = 0");
-    // Free fall: momentum m g t, and the energy that symplectic Euler steps lose exactly, ½ m g² t dt.
+    // Free fall: momentum m g t, and the energy that symplectic Euler steps lose, exactly ½ m g² t
+    // dt.
     let rows = messages(recording, "/diagnostics");
     let value = |row: usize, name: &str| rows[row]["content"][name].as_f64().unwrap();
     let mass = 1000.0 * 0.4 * 0.3;
@@ -138,7 +143,7 @@ fn diagnostics_agree_in_protobuf_and_csv() {
             assert_eq!((*column, cell.parse::<f64>().unwrap()), (name.as_str(), value));
         }
         for (column, cell) in columns.iter().zip(line.split(',')).take(fixed) {
-            // 64-bit integers are strings in protobuf's JSON.
+            // Protobuf's JSON writes 64-bit integers as strings.
             let value = &row["content"][column];
             let value = value.as_f64().unwrap_or_else(|| value.as_str().unwrap().parse().unwrap());
             assert_eq!(cell.parse::<f64>().unwrap(), value, "{column}");
@@ -163,7 +168,7 @@ fn implicit_steps_are_recorded_at_their_time() {
     assert_eq!(warnings.len(), 5, "one for each frame of which a step did not converge");
     assert!(warnings[1].contains("1 of 4") && warnings[1].contains("0.100000 s") && warnings[1].contains("1.6e-7"));
 
-    // The message, the CSV and the frame's row say the same.
+    // The message, the CSV and the frame's row agree.
     let csv = std::fs::read_to_string(out.solver.unwrap()).unwrap();
     let mut lines = csv.lines();
     let columns: Vec<&str> = lines.next().unwrap().split(',').collect();
@@ -195,7 +200,7 @@ fn implicit_steps_are_recorded_at_their_time() {
 fn colliders_are_drawn_and_move() {
     let directory = tempfile::tempdir().unwrap();
     let recording = &python(&[], &[record(&problem(0.1), directory.path()).recording])[0];
-    // Frames are 0.05 s apart; the post is there from 0.05 to 0.15 s.
+    // Frames are 0.05 s apart; the post exists from 0.05 to 0.15 s.
     let scenes = messages(recording, "/colliders");
     assert_eq!(scenes.len(), 3);
     let ids = |content: &Value, kind: &str| -> Vec<String> {
@@ -227,7 +232,8 @@ fn colliders_are_drawn_and_move() {
         (last["parent_frame_id"].as_str(), last["child_frame_id"].as_str()),
         (Some("world"), Some("colliders/paddle"))
     );
-    // After 0.25 s: turned by 0.25 rad about z, the centre moved by 0.05 m; translation = centre + v t − R centre.
+    // After 0.25 s: rotated by 0.25 rad about z, the centre moved by 0.05 m;
+    // translation = centre + v t − R centre.
     let (s, c) = 0.25f64.sin_cos();
     let expected = [1.0 + 0.05 - (c * 1.0 - s * 0.5), 0.5 - (s * 1.0 + c * 0.5), 0.0];
     for (axis, expected) in ["x", "y", "z"].into_iter().zip(expected) {

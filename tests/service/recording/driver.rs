@@ -1,4 +1,5 @@
-//! The driver repeats itself, publishes only what is complete, and keeps what a run had when it ends early.
+//! The run driver is repeatable, publishes only complete files, and keeps what a run has when it
+//! ends early.
 
 use std::path::PathBuf;
 
@@ -61,7 +62,8 @@ fn failed_and_canceled_runs_keep_what_they_have() {
     let error = run(&scene(), &problem, &mut Ballistic::new(&problem, None), &out, &Watch::new(2)).unwrap_err();
     assert!(matches!(error, RunError::Engine(EngineError::Canceled)));
     let recording = &python(&[], &[out.recording])[0];
-    // The order comes with the second frame's report; the third may be computed and on its way by then.
+    // The cancellation comes with the second frame's report; the third may be computed and in
+    // transit by then.
     assert!((2..=3).contains(&messages(recording, "/diagnostics").len()));
     assert_eq!(recording["metadata"]["result"]["status"], "canceled");
 }

@@ -1,4 +1,4 @@
-//! A small problem, a stand-in for an engine, and the way to the Python reader.
+//! A small problem, a stand-in for an engine, and access to the Python reader.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -21,7 +21,7 @@ pub struct Ballistic {
     pub state: Particles,
     time_s: f64,
     frame: u64,
-    /// Fails when it is to compute this frame.
+    /// Fails when it computes this frame.
     fails_at: Option<u64>,
 }
 
@@ -41,7 +41,7 @@ impl Ballistic {
 }
 
 impl Ballistic {
-    /// What an implicit engine would say of the frame just done: its last step did not converge.
+    /// What an implicit engine would report of the last frame: its last step did not converge.
     fn solves(&self, frame_s: f64) -> Vec<Solve> {
         let dt_s = frame_s / STEPS as f64;
         let solve = |n: u32| Solve {
@@ -102,7 +102,7 @@ impl Engine for Ballistic {
     }
 }
 
-/// Counts frames; cancels once it has seen enough.
+/// Counts frames; cancels after a given number.
 pub struct Watch {
     frames: AtomicU64,
     cancel_after: u64,
@@ -138,8 +138,10 @@ pub fn scene() -> Scene {
             "water": { "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1e5 }
         },
         "bodies": [
-            { "name": "cube", "material": "jelly", "shape": { "box": { "min": [0.2, 0.2, 0.5], "max": [0.5, 0.5, 0.8] } } },
-            { "name": "pool", "material": "water", "shape": { "box": { "min": [0.8, 0.1, 0.1], "max": [1.8, 0.9, 0.4] } } }
+            { "name": "cube", "material": "jelly",
+              "shape": { "box": { "min": [0.2, 0.2, 0.5], "max": [0.5, 0.5, 0.8] } } },
+            { "name": "pool", "material": "water",
+              "shape": { "box": { "min": [0.8, 0.1, 0.1], "max": [1.8, 0.9, 0.4] } } }
         ],
         "time": { "end": 0.25, "frame_rate": 20 },
         "output": { "fields": ["velocity", "J", "von_mises", "pressure"] }
@@ -254,7 +256,8 @@ pub fn record(problem: &Problem, directory: &Path) -> Outputs {
     out
 }
 
-/// What Python says about recordings; `GRIDFALL_PYTHON` names an interpreter with mcap, mcap-protobuf-support and numpy.
+/// What Python reads from recordings. `GRIDFALL_PYTHON` names an interpreter with mcap,
+/// mcap-protobuf-support and numpy.
 pub fn python(arguments: &[&str], paths: &[PathBuf]) -> Vec<Value> {
     let interpreter = std::env::var("GRIDFALL_PYTHON").unwrap_or("python3".into());
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/read_recording.py");

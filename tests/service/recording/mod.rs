@@ -1,4 +1,5 @@
-//! Recordings are valid, complete, true to the particles, and survive crashes: read back with the official Python library.
+//! Recordings are valid, complete and true to the particles, and survive crashes. They are read
+//! back with the official Python library.
 
 mod content;
 mod driver;

@@ -1,4 +1,4 @@
-//! A recording that was cut off anywhere becomes a valid one with every frame that was flushed.
+//! A recording that was cut off anywhere can be made valid, with every frame that was flushed.
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -10,7 +10,8 @@ use gridfall_recording::run::{FrameReport, Observer};
 
 use super::fixture::{Ballistic, outputs, problem, python, run, scene};
 
-/// Where each frame of a recording ends on disk, and the bytes as a crash right behind the last frame leaves them.
+/// Where each frame of a recording ends on disk, and the bytes that a crash just after the last
+/// frame leaves.
 fn unfinished(problem: &Problem, directory: &Path) -> (Vec<u8>, Vec<u64>) {
     struct Lengths(PathBuf, Mutex<Vec<u64>>);
     impl Control for Lengths {}
@@ -57,7 +58,7 @@ fn a_recording_cut_anywhere_keeps_every_flushed_frame() {
         let flushed = ends.iter().filter(|&&end| end <= *cut).count();
         assert_eq!(recovered["frames"], flushed, "cut at {cut}, frames end at {ends:?}");
         let hashes = recovered["hashes"].as_array().unwrap();
-        // The last frame of the whole recording has a closing line in its log.
+        // The last frame of the complete recording has a closing line in its log.
         let comparable = flushed.min(ends.len() - 1);
         assert_eq!(hashes[..comparable], whole["hashes"].as_array().unwrap()[..comparable]);
         assert_eq!(hashes.len(), flushed);

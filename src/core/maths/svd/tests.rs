@@ -29,7 +29,8 @@ fn difference<T: Real, const D: usize>(a: &Matrix<T, D>, b: &Matrix<T, D>) -> f6
     a.iter().flatten().zip(b.iter().flatten()).fold(0.0, |m, (x, y)| m.max((x.to_f64() - y.to_f64()).abs()))
 }
 
-/// Rotations, ordered singular values with the sign on the last, and F again, within `ulps` roundings.
+/// Checks that U, V and R are rotations, that the singular values are ordered with the sign on the
+/// last, and that the product is F again, within 16 roundings.
 fn check<T: Real, const D: usize>(f: &Matrix<T, D>, what: &str) {
     let tolerance = 16.0 * T::EPSILON.to_f64();
     let Svd { u, sigma, v } = svd(f);

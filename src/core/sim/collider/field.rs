@@ -1,13 +1,15 @@
-//! Sampled signed distances: solids that have no closed form, as values on a lattice with trilinear interpolation between.
+//! Sampled signed distances: solids without a closed form, as values on a lattice with trilinear
+//! interpolation.
 
-/// A signed distance field on a lattice in its own frame; the solid lies inside the lattice's box, away from its faces.
+/// A signed distance field on a lattice in its own frame. The solid lies inside the lattice's box,
+/// away from its faces.
 ///
-/// In 2D the lattice has one sample along z and the field does not change along it.
+/// In 2D the lattice has one sample along z and the field does not vary along it.
 #[derive(Clone, PartialEq)]
 pub struct DistanceField {
     /// Position of the first sample (m).
     pub origin: [f64; 3],
-    /// Between samples (m).
+    /// Distance between samples (m).
     pub spacing: f64,
     /// Samples along each axis.
     pub size: [usize; 3],
@@ -18,8 +20,9 @@ pub struct DistanceField {
 }
 
 impl DistanceField {
-    /// Signed distance at a point (m): trilinear inside the lattice's box; outside, with e the way to the box and d the value where it
-    /// is reached, sqrt(e² + d²), which no point of the solid is nearer than, because the box is convex.
+    /// Signed distance at a point (m). Inside the lattice's box it is trilinear. Outside it is
+    /// sqrt(e² + d²), with e the distance to the box and d the value at the nearest point of the
+    /// box. No point of the solid is nearer than that, because the box is convex.
     pub fn distance(&self, x: [f64; 3]) -> f64 {
         let (mut index, mut share, mut away) = ([0; 3], [0.0; 3], 0.0);
         for a in 0..3 {
@@ -38,7 +41,7 @@ impl DistanceField {
             for a in 0..3 {
                 let upper = corner >> a & 1;
                 weight *= if upper == 1 { share[a] } else { 1.0 - share[a] };
-                // An axis of one sample has no upper neighbour and gives it no weight.
+                // An axis with a single sample has no upper neighbour and gives it no weight.
                 at += stride * (index[a] + upper).min(self.size[a] - 1);
                 stride *= self.size[a];
             }
@@ -48,13 +51,14 @@ impl DistanceField {
         if away == 0.0 { value } else { value.hypot(self.spacing * away.sqrt()) }
     }
 
-    /// How much the field may differ between two points beyond their distance (m): the interpolated value is a mean of exact ones, and
-    /// is off by no more than the mean distance to their places, at most √¾ of the spacing.
+    /// By how much the field may differ between two points beyond their distance (m). An
+    /// interpolated value is a mean of exact ones, so it is off by no more than the mean distance
+    /// to their places, at most √¾ of the spacing. Two values differ by twice that.
     pub fn slack(&self) -> f64 {
         3f64.sqrt() * self.spacing
     }
 
-    /// Memory of the samples (bytes).
+    /// Memory taken by the samples (bytes).
     pub fn bytes(&self) -> u64 {
         size_of_val(self.samples.as_slice()) as u64
     }
@@ -92,7 +96,7 @@ mod tests {
                 let d = field.distance(x);
                 assert!(d < exact + 0.03, "{d} at {x:?}, {exact} expected");
                 assert!(x.iter().any(|a| a.abs() > 0.6) || d > exact - 0.01, "{d} at {x:?}, {exact} expected");
-                // Continuous where the box ends.
+                // Continuous at the faces of the box.
                 let step = 1e-9;
                 let near = field.distance([x[0] + step, x[1] - step, x[2]]);
                 assert!((near - d).abs() < 4.0 * step);

@@ -10,7 +10,8 @@ pub use sdf::{FLAT_HALF_EXTENT, Primitive, SDF_STACK, Sdf, SdfOp, axis_angle, ro
 
 use super::setup::Contact;
 
-/// Half the step of the central differences of [`Placed::normal`], in units of dx; engines use the same.
+/// Half the step of the central differences of [`Placed::normal`], in units of dx. Engines use the
+/// same.
 pub const NORMAL_STEP_DX: f64 = 1.0 / 32.0;
 
 /// A rigid obstacle.
@@ -21,13 +22,14 @@ pub struct Collider {
     pub sdf: Sdf,
     pub contact: Contact,
     pub motion: Motion,
-    /// When it is there: from the first time up to the second (s).
+    /// When the obstacle exists: from the first time up to the second (s).
     pub present_s: [f64; 2],
-    /// True for a grip, which holds the material that it overlaps; drawn so that this is seen.
+    /// True for a grip, which holds the material that it overlaps. Pictures draw it so that the
+    /// material shows through.
     pub grip: bool,
 }
 
-/// Always there.
+/// The time span of an obstacle that always exists.
 pub const ALWAYS: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
 impl Collider {
@@ -36,7 +38,7 @@ impl Collider {
         t >= self.present_s[0] && t < self.present_s[1]
     }
 
-    /// The obstacle at time `t` (s), whether it is there or not.
+    /// The obstacle at time `t` (s), whether or not it exists then.
     pub fn at(&self, t: f64) -> Placed<'_> {
         Placed { sdf: &self.sdf, motion: self.motion.at(t) }
     }
@@ -55,18 +57,18 @@ impl Placed<'_> {
         self.sdf.distance(self.motion.pose.to_start(x))
     }
 
-    /// By how much distances may change beyond the way gone (m).
+    /// By how much two distances may differ beyond the distance between their points (m).
     pub fn slack(&self) -> f64 {
         self.sdf.slack()
     }
 
-    /// Velocity (m/s) of the obstacle at a point of space.
+    /// Velocity (m/s) of the obstacle at a point in space.
     pub fn velocity_at(&self, x: [f64; 3]) -> [f64; 3] {
         self.motion.velocity_at(x)
     }
 
-    /// Outward unit normal at a point, by central differences of half step `h` (m): [`NORMAL_STEP_DX`] dx in engines.
-    /// Zero where the distance has no slope.
+    /// Outward unit normal at a point, by central differences of half step `h` (m); engines use
+    /// [`NORMAL_STEP_DX`] dx. Zero where the distance has no slope.
     pub fn normal(&self, x: [f64; 3], h: f64) -> [f64; 3] {
         let pose = &self.motion.pose;
         let x = pose.to_start(x);

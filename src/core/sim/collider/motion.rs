@@ -3,7 +3,8 @@
 use super::{axis_angle, rotate, rotate_back};
 use crate::sim::particles::IDENTITY;
 
-/// Engines add up times; what is meant to begin with a frame must not begin a step later for a rounding error (s).
+/// Tolerance for comparing times (s). Engines accumulate time, and rounding must not make what
+/// begins with a frame begin one step late.
 pub const TIME_TIE_S: f64 = 1e-9;
 
 /// Position and orientation at an instant: x_world = rotation x_start + translation (row-major).
@@ -14,20 +15,20 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Where a point of space lies on the body as it was at time 0.
+    /// Maps a point in space to the body's pose at time 0.
     pub fn to_start(&self, x: [f64; 3]) -> [f64; 3] {
         let t = self.translation;
         rotate_back(&self.rotation, [x[0] - t[0], x[1] - t[1], x[2] - t[2]])
     }
 }
 
-/// Where a motion is at one of the times that it is given for.
+/// Offset and rotation of a motion at a given time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Keyframe {
     pub time_s: f64,
-    /// Of the centre from where it is at time 0 (m).
+    /// Offset of the centre from its place at time 0 (m).
     pub offset: [f64; 3],
-    /// Angle times axis (rad); the turns of a motion are parallel.
+    /// Angle times axis (rad). All rotations of one motion are about parallel axes.
     pub turn: [f64; 3],
 }
 
@@ -40,8 +41,8 @@ pub struct Motion {
     pub linear_velocity: [f64; 3],
     /// rad/s.
     pub angular_velocity: [f64; 3],
-    /// In the place of the velocities, unless empty: linear between keyframes, at rest before the first and after the last.
-    /// Times rise.
+    /// Used instead of the velocities unless empty. Linear between keyframes, at rest before the
+    /// first and after the last. Times are increasing.
     pub keyframes: Vec<Keyframe>,
 }
 
@@ -49,14 +50,15 @@ pub struct Motion {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Instant {
     pub pose: Pose,
-    /// Where the centre of rotation is now (m).
+    /// Current centre of rotation (m).
     pub center: [f64; 3],
     pub linear_velocity: [f64; 3],
     pub angular_velocity: [f64; 3],
 }
 
 impl Motion {
-    /// The motion at time `t` (s). A keyframe's instant belongs to what follows it.
+    /// The motion at time `t` (s). The instant of a keyframe belongs to the segment that follows
+    /// it.
     pub fn at(&self, t: f64) -> Instant {
         let (offset, turn, linear_velocity, angular_velocity) = self.course(t);
         let angle = norm(turn);
@@ -78,13 +80,13 @@ impl Motion {
             || self.keyframes.iter().any(|k| k.offset != [0.0; 3] || k.turn != [0.0; 3])
     }
 
-    /// Linear (m/s) and angular (rad/s) velocity of every part of the motion.
+    /// Linear (m/s) and angular (rad/s) velocity of every segment of the motion.
     pub fn velocities(&self) -> impl Iterator<Item = ([f64; 3], [f64; 3])> {
         let constant = self.keyframes.is_empty().then_some((self.linear_velocity, self.angular_velocity));
         constant.into_iter().chain(self.keyframes.windows(2).map(|pair| rates(&pair[0], &pair[1])))
     }
 
-    /// Offset, turn and their rates.
+    /// Offset, rotation and their rates.
     fn course(&self, t: f64) -> ([f64; 3], [f64; 3], [f64; 3], [f64; 3]) {
         let (Some(first), Some(last)) = (self.keyframes.first(), self.keyframes.last()) else {
             let (v, w) = (self.linear_velocity, self.angular_velocity);
@@ -106,7 +108,7 @@ impl Motion {
 }
 
 impl Instant {
-    /// Velocity (m/s) of the rigid motion at a point of space.
+    /// Velocity (m/s) of the rigid motion at a point in space.
     pub fn velocity_at(&self, x: [f64; 3]) -> [f64; 3] {
         let (v, w) = (self.linear_velocity, self.angular_velocity);
         let r: [f64; 3] = std::array::from_fn(|a| x[a] - self.center[a]);
@@ -147,7 +149,7 @@ mod tests {
             assert!((now.center[0] - 1.0 - x).abs() < 1e-15, "{t}: {now:?}");
             let r = &now.pose.rotation;
             assert!((r[3].atan2(r[0]) - angle).abs() < 1e-14, "{t}: {now:?}");
-            // The centre of rotation goes where the pose takes it.
+            // The pose moves the centre of rotation correctly.
             let moved = rotate(r, motion.center);
             assert!((0..3).all(|a| (moved[a] + now.pose.translation[a] - now.center[a]).abs() < 1e-14));
         }
@@ -186,7 +188,7 @@ mod tests {
         assert!(motion.moves());
         motion.keyframes.iter_mut().for_each(|k| (k.offset, k.turn) = ([0.0; 3], [0.0; 3]));
         assert!(!motion.moves());
-        // Another place than at time 0, though held.
+        // Held, but not where it was at time 0.
         motion.keyframes.iter_mut().for_each(|k| k.offset[1] = 0.5);
         assert!(motion.moves());
     }

@@ -1,19 +1,21 @@
-//! Solids as signed distance programs: postfix instructions over primitives, the common form of CPU and GPU evaluation.
+//! Solids as signed distance programs: postfix instructions over primitives, the form that both CPU
+//! and GPU evaluate.
 //!
-//! All primitives but sampled ones have exact distances; union, intersection, difference and shell keep the sign exact and the value a
-//! lower bound of the true distance (1-Lipschitz), which is what sampling and contact need.
+//! All primitives except sampled ones have exact distances. Union, intersection, difference and
+//! shell keep the sign exact and the value a lower bound of the true distance (1-Lipschitz).
+//! Sampling and contact need no more than that.
 
 use std::sync::Arc;
 
 use super::field::DistanceField;
 
-/// Half extent of a 2D shape along z (m): its cross-section extends without end.
+/// Half extent of a 2D shape along z (m), which stands for an infinite one.
 pub const FLAT_HALF_EXTENT: f64 = 1e30;
 
 /// A primitive solid in its own frame.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Primitive {
-    /// Half extents (m), centred on the origin.
+    /// Half extents (m); centred on the origin.
     Box([f64; 3]),
     /// Radius (m).
     Sphere(f64),
@@ -27,7 +29,7 @@ pub enum Primitive {
     Torus(f64, f64),
     /// All points with z <= 0.
     HalfSpace,
-    /// A field whose lengths are multiplied by the factor.
+    /// A sampled field whose lengths are multiplied by the factor.
     Grid(Arc<DistanceField>, f64),
 }
 
@@ -46,7 +48,7 @@ impl Primitive {
         }
     }
 
-    /// The primitive made larger by `factor` about its origin.
+    /// The primitive scaled by `factor` about its origin.
     pub fn scaled(&self, factor: f64) -> Self {
         match *self {
             Self::Box(h) => Self::Box(h.map(|h| factor * h)),
@@ -61,10 +63,11 @@ impl Primitive {
     }
 }
 
-/// Distance to a cone in the half-plane (radius, height) of a point: to its caps and to its side, the nearer one counts.
+/// Distance to a cone in the half-plane (radius, height) of a point: the smaller of the distances
+/// to its caps and to its side.
 fn cone([r, z]: [f64; 2], base: f64, top: f64, h: f64) -> f64 {
     let cap = [r - r.min(if z < 0.0 { base } else { top }), z.abs() - h];
-    // From the point to the nearest of the side, which runs from (top, h) along `down`.
+    // From the point to the nearest point of the side, which runs from (top, h) along `down`.
     let down = [base - top, -2.0 * h];
     let along = ((r - top) * down[0] + (z - h) * down[1]) / (down[0] * down[0] + down[1] * down[1]);
     let along = along.clamp(0.0, 1.0);
@@ -85,10 +88,12 @@ fn length(x: [f64; 3]) -> f64 {
 
 /// One instruction of a signed distance program in postfix order.
 ///
-/// Rigid motions inside a shape are folded into its primitives, so that only primitives have a frame.
+/// Rigid motions inside a shape are folded into its primitives, so that only primitives have a
+/// frame.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SdfOp {
-    /// Push the distance to a primitive whose local coordinates are `rotation (x - translation)` (row-major).
+    /// Push the distance to a primitive whose local coordinates are `rotation (x - translation)`
+    /// (row-major).
     Primitive { primitive: Primitive, rotation: [f64; 9], translation: [f64; 3] },
     /// Pop b, a; push min(a, b).
     Union,
@@ -106,7 +111,7 @@ pub struct Sdf {
     pub ops: Vec<SdfOp>,
 }
 
-/// Deepest stack that a program may need; validation refuses more.
+/// Deepest stack that a program may need. Validation rejects programs that need more.
 pub const SDF_STACK: usize = 8;
 
 impl Sdf {
@@ -139,9 +144,11 @@ impl Sdf {
         stack[0]
     }
 
-    /// A box that contains the solid, lower then upper corner (m); infinite where the solid is unbounded.
+    /// A box that contains the solid, lower then upper corner (m); infinite where the solid is
+    /// unbounded.
     ///
-    /// Exact for primitives in their own frame and for unions of them, else possibly too large. Empty space has lower > upper.
+    /// It is exact for primitives in their own frame and for unions of them; otherwise it may be
+    /// too large. Empty space has lower > upper.
     pub fn bounds(&self) -> [[f64; 3]; 2] {
         let mut stack: Vec<[[f64; 3]; 2]> = Vec::new();
         for op in &self.ops {
@@ -166,7 +173,7 @@ impl Sdf {
         stack.pop().unwrap_or([[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]])
     }
 
-    /// All sampled primitives, and their scale.
+    /// All sampled primitives with their scales.
     pub fn fields(&self) -> impl Iterator<Item = (&Arc<DistanceField>, f64)> {
         self.ops.iter().filter_map(|op| match op {
             SdfOp::Primitive { primitive: Primitive::Grid(field, scale), .. } => Some((field, *scale)),
@@ -174,7 +181,8 @@ impl Sdf {
         })
     }
 
-    /// By how much two distances may differ beyond the way between their points (m): 0 without sampled primitives.
+    /// By how much two distances may differ beyond the distance between their points (m). It is 0
+    /// without sampled primitives.
     pub fn slack(&self) -> f64 {
         self.fields().map(|(field, scale)| scale * field.slack()).fold(0.0, f64::max)
     }
@@ -218,7 +226,7 @@ fn primitive_bounds(primitive: &Primitive, rotation: &[f64; 9], translation: &[f
             let (mut lower, mut upper) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
             for k in 0..8 {
                 for a in 0..3 {
-                    // An axis that the other has no share in adds nothing, however long it is.
+                    // An axis that does not contribute adds nothing, even if it is infinitely long.
                     let terms = (0..3).filter(|b| rotation[3 * b + a] != 0.0);
                     let x = translation[a] + terms.map(|b| rotation[3 * b + a] * corner(k, b)).sum::<f64>();
                     (lower[a], upper[a]) = (lower[a].min(x), upper[a].max(x));
@@ -227,7 +235,7 @@ fn primitive_bounds(primitive: &Primitive, rotation: &[f64; 9], translation: &[f
             [lower, upper]
         }
         Primitive::HalfSpace => {
-            // A wall along the axes bounds one side.
+            // An axis-aligned wall bounds one side.
             let mut bounds = [[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]];
             for a in 0..3 {
                 if axis[a].abs() > 1.0 - 1e-15 {

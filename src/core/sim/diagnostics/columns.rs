@@ -9,7 +9,7 @@ pub enum Value {
 }
 
 impl Value {
-    /// The value as a cell of a CSV; numbers round-trip.
+    /// The value as a CSV cell; numbers round-trip.
     pub fn csv(self) -> String {
         match self {
             Self::Count(n) => n.to_string(),
@@ -43,11 +43,15 @@ impl From<bool> for Value {
     }
 }
 
-/// Declares a row once: the struct, its column names and its values in order. What stands behind a semicolon is no fixed column.
+/// Declares a row once: the struct, its column names and its values in order. Fields after the
+/// semicolon are not fixed columns.
 macro_rules! columns {
     (
         $(#[$attribute:meta])*
-        $row:ident { $($(#[doc = $doc:literal])+ $name:ident: $type:ty,)+ $(; $(#[doc = $more_doc:literal])+ $more:ident: $more_type:ty,)* }
+        $row:ident {
+            $($(#[doc = $doc:literal])+ $name:ident: $type:ty,)+
+            $(; $(#[doc = $more_doc:literal])+ $more:ident: $more_type:ty,)*
+        }
     ) => {
         $(#[$attribute])*
         #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,15 +1,16 @@
-//! What an implicit step is judged by.
+//! Diagnostics of implicit steps.
 
 use super::Value;
 use super::columns;
 use crate::sim::stats::Solve;
 
 columns! {
-/// One step of the implicit integrator. The field names are the columns of the CSV, the keys of the JSON and the fields of the protobuf.
+/// One step of the implicit integrator. The field names are the columns of the CSV, the keys of the
+/// JSON and the fields of the protobuf.
 SolverRow {
     /// Number of the step in the run, from 1.
     step: u64,
-    /// Frame that the step is part of.
+    /// Frame that the step belongs to.
     frame: u64,
     /// Simulated time at the step's end (s).
     time_s: f64,
@@ -17,9 +18,10 @@ SolverRow {
     dt_s: f64,
     /// Outer iterations: Newton or quasi-Newton steps.
     iterations: u32,
-    /// Iterations of the linear solvers inside these; a V-cycle counts as one.
+    /// Iterations of the linear solvers inside the outer iterations; a V-cycle counts as one.
     inner_iterations: u32,
-    /// Residual at the step's end in the characteristic norm (HOT §5.2): at most the tolerance when converged.
+    /// Residual at the step's end in the characteristic norm (HOT §5.2); at most the tolerance when
+    /// converged.
     residual: f64,
     /// Halvings of the line search.
     halvings: u32,
@@ -27,7 +29,7 @@ SolverRow {
     levels: u32,
     /// Non-zero blocks of the finest matrix; 0 without a matrix.
     nonzeros: u64,
-    /// Whether the residual came down to the tolerance.
+    /// Whether the residual reached the tolerance.
     converged: bool,
 }
 }

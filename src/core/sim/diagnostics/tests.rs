@@ -1,4 +1,4 @@
-//! Diagnostics of states that are known.
+//! Tests of the diagnostics on states with known values.
 
 use super::*;
 use crate::material::parameters::{Elastic, Material};
@@ -7,7 +7,7 @@ use crate::sim::fixture;
 use crate::sim::particles::IDENTITY;
 use crate::sim::setup::{Axis, Body, Contact, ContactKind, Kernel, Precision, Problem};
 
-/// A cube of 20³ particles of 1 m³ and 2 kg in all, at rest.
+/// A cube of 20³ particles of 1 m³ and 2 kg in total, at rest.
 fn cube(kernel: Kernel, transfer: Transfer) -> Problem {
     let elastic = Elastic { density: 2.0, youngs_modulus: 100.0, poissons_ratio: 0.25 };
     let Problem { mut setup, mut particles } =
@@ -32,7 +32,7 @@ fn measure(problem: &Problem) -> Row {
     )
 }
 
-/// Gives every particle the velocity ω × (x − center) and the affine state that goes with it, B = [ω]ₓ D.
+/// Gives every particle the velocity ω × (x − center) and the matching affine state, B = [ω]ₓ D.
 fn spin(problem: &mut Problem, omega: [f64; 3], center: [f64; 3]) {
     let [x, y, z] = omega;
     let skew = Matrix3::new(0.0, -z, y, z, 0.0, -x, -y, x, 0.0);
@@ -62,8 +62,9 @@ fn a_body_at_rest() {
 
 #[test]
 fn a_rigid_rotation_has_the_momentum_and_energy_of_its_inertia() {
-    // Angular momentum about the origin of a body that spins about its own centre: I ω, the affine part included.
-    // Particles carry the inertia of the points; each adds that of its kernel, Σ m (tr D − D) per unit of ω.
+    // Angular momentum about the origin of a body that spins about its own centre: I ω, including
+    // the affine part. Particles carry the inertia of points; each adds that of its kernel, Σ m
+    // (tr D − D) per unit of ω.
     let (omega, center) = ([0.3, -0.7, 1.1], [3.5; 3]);
     for kernel in [Kernel::Compact, Kernel::Quadratic, Kernel::Cubic, Kernel::Linear] {
         let mut problem = cube(kernel, Transfer::Apic);
@@ -106,7 +107,7 @@ fn stored_energy_of_a_stretch() {
 #[test]
 fn sums_do_not_depend_on_threads_and_keep_small_terms() {
     let mut problem = cube(Kernel::Compact, Transfer::Mls);
-    // Large momenta that cancel, and small ones; products with this mass are exact.
+    // Large momenta that cancel, and small ones. Products with this mass are exact.
     problem.setup.bodies[0].mass = 1.0 / 4096.0;
     problem.particles.v.iter_mut().enumerate().for_each(|(p, v)| v[0] = if p % 2 == 0 { 1e12 } else { -1e12 });
     problem.particles.v[5][1] = 1.0;

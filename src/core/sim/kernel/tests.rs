@@ -32,7 +32,7 @@ impl Textbook for Cubic {
     }
 }
 
-/// Particles anywhere, on nodes, and a hair beside them.
+/// Particles anywhere, on nodes, and very close to them.
 fn positions() -> Vec<f64> {
     let mut rng = StdRng::seed_from_u64(3);
     let mut x: Vec<f64> = (0..2000).map(|_| rng.random_range(-1.0..5.0)).collect();
@@ -67,7 +67,8 @@ fn check_axis<K: ShapeFunction<G, W> + Textbook, const G: usize, const W: usize>
             assert!((axis.weight[g].iter().sum::<f64>() - 1.0).abs() < 4e-16, "partition of unity at {x}");
             assert!(axis.slope[g].iter().sum::<f64>().abs() < 1e-15);
         }
-        // A linear field is interpolated exactly, and so is its gradient: of the compact kernel by the mean of the grids.
+        // A linear field is interpolated exactly, and so is its gradient. For the compact kernel
+        // this holds for the mean over the grids.
         assert!((first - x).abs() < 2e-15, "½ Σ w x_i = {first} at {x}");
         assert!((slope_moment - 1.0).abs() < 4e-15, "½ Σ dw x_i = {slope_moment} at {x}");
     }
@@ -133,14 +134,15 @@ fn the_closed_form_of_the_moment_matrix_is_the_sum_over_nodes() {
 #[test]
 fn light_nodes_keep_full_relative_precision() {
     for v in [1e-12, 1e-9, 1e-6, 1e-3, 0.01, 0.1, 0.2, 0.25] {
-        // Exact to rounding by its own series in f64, far beyond the terms used.
+        // Exact to rounding: the same series in f64, with far more terms.
         let t = (2.0 * PI * v).powi(2);
         let (mut term, mut exact) = (v * t / 6.0, 0.0);
         for k in 0..20 {
             exact += term;
             term *= -t / ((2 * k + 4) * (2 * k + 5)) as f64;
         }
-        // The particle sits v above node 0 of grid +; the far node is 1. Shifted by whole numbers v would be rounded.
+        // The particle lies at v above node 0 of grid +; the far node is 1. Shifted by whole
+        // numbers, v would be rounded.
         let axis = Compact::axis::<f64>(0.25 + v);
         let v_rounded = (0.25 + v) - 0.25;
         let scale = (v_rounded / v).powi(3);

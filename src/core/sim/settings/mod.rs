@@ -1,4 +1,5 @@
-//! What a scene may choose of the discretisation. Scenes spell these types as they are serialised here.
+//! Settings of the discretisation that a scene may choose. Scenes spell these types as they are
+//! serialised here.
 
 mod implicit;
 
@@ -17,7 +18,7 @@ pub enum Integrator {
 }
 
 impl Integrator {
-    /// As scenes spell it.
+    /// The name that scenes use.
     pub fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",

@@ -1,4 +1,4 @@
-//! Plans of frames: equal steps within all bounds, from what the particles do at the moment.
+//! Plans of frames: equal steps within all bounds, from the current state of the particles.
 
 use rayon::prelude::*;
 
@@ -10,36 +10,37 @@ use crate::sim::moments::moment_matrix;
 use crate::sim::particles::{IDENTITY, Particles};
 use crate::sim::setup::{Body, Setup};
 
-/// Share of the bounds at which an engine re-plans inside a frame.
+/// Share of the bounds at which an engine re-plans within a frame.
 pub const REPLAN: f64 = 0.98;
 
-/// A step that turned out too long is followed by one of at most this share of it, so that planning
-/// anew always helps.
+/// A step that turned out too long is followed by one of at most this share of it, so that
+/// re-planning always makes progress.
 pub const SHRINK: f64 = 0.9;
 
 /// Largest entry of dt ∇v in a step (Sun, Shinar & Schroeder 2020).
 pub const MAX_GROWTH: f64 = 0.5;
 
-/// The shortest implicit step (s); whatever moves faster than cfl dx in it is an error of the
-/// scene.
+/// The shortest implicit step (s). If anything moves further than cfl dx in such a step, the scene
+/// is at fault.
 pub const MIN_IMPLICIT_STEP_S: f64 = 1e-6;
 
 /// Growth of the demand within a frame beyond which its steps are too long.
 pub const REPLAN_DEMAND: f64 = (REPLAN / SAFETY) * (REPLAN / SAFETY);
 
-/// What the particles ask of the coming steps.
+/// Extremes of the particles that limit the coming steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Extremes {
     /// Largest |v_p| (m/s).
     pub speed_m_s: f64,
     /// Largest ‖C_p‖ (Frobenius, 1/s).
     pub affine_rate_1_s: f64,
-    /// Largest demand of the materials, 1/dt² at their present deformation, safety included (1/s²).
+    /// Largest demand of the materials, 1/dt² at their present deformation, including the safety
+    /// factor (1/s²).
     pub demand_1_s2: f64,
 }
 
-/// The step of a frame: `steps` equal steps, because varying steps feed isolated particles (Bai &
-/// Schroeder §3.2).
+/// The steps of a frame: `steps` equal steps, because varying steps feed energy into isolated
+/// particles (Bai & Schroeder §3.2).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepPlan {
     pub dt_s: f64,
@@ -49,7 +50,7 @@ pub struct StepPlan {
 }
 
 impl StepPlan {
-    /// The same time in steps of at most `dt_s`: within a frame the step only shrinks.
+    /// The same time in steps of at most `dt_s`. Within a frame the step only shrinks.
     pub fn no_longer_than(self, dt_s: f64) -> Self {
         let total_s = self.dt_s * self.steps as f64;
         let steps = self.steps.max((total_s / dt_s * (1.0 - 1e-12)).ceil() as u64);
@@ -60,16 +61,17 @@ impl StepPlan {
 /// Plans `frame_s` seconds in equal steps.
 ///
 /// Particles must not move more than `cfl` dx in a step: dt ≤ cfl dx / (|v| + √d dx ‖C‖) (Sun,
-/// Shinar & Schroeder 2020), with what gravity adds to |v| within the frame, and no less than the
-/// fastest collider.
+/// Shinar & Schroeder 2020). |v| includes what gravity adds within the frame, and the sum is at
+/// least the speed of the fastest collider.
 pub fn plan_frame(setup: &Setup, extremes: &Extremes, frame_s: f64) -> StepPlan {
     plan_steps(&limits(setup, extremes, frame_s), frame_s)
 }
 
-/// Divides `frame_s` into the fewest equal steps that no limit (s) forbids; there must be a limit.
+/// Divides `frame_s` into the fewest equal steps that all limits (s) allow. There must be at least
+/// one limit.
 pub fn plan_steps(limits: &[(f64, Bound)], frame_s: f64) -> StepPlan {
     let &(dt_max, bound) = limits.iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("there are limits");
-    // A hair of slack, so that a frame of exactly n steps does not become n + 1.
+    // A little slack, so that a frame of exactly n steps does not become n + 1.
     let steps = ((frame_s / dt_max) * (1.0 - 1e-12)).ceil().max(1.0) as u64;
     StepPlan { dt_s: frame_s / steps as f64, steps, bound }
 }
@@ -93,20 +95,20 @@ pub fn limits(setup: &Setup, extremes: &Extremes, frame_s: f64) -> Vec<(f64, Bou
     limits
 }
 
-/// The time (s) in which nothing crosses more than `cfl` dx: (v + g dt) dt = cfl dx, v the speed of
-/// the fastest particle, here `speed_m_s`, or of the fastest collider, with what gravity adds on
+/// The time (s) in which nothing crosses more than `cfl` dx: (v + g dt) dt = cfl dx. v is the speed
+/// of the fastest particle, `speed_m_s`, or of the fastest collider; g dt is what gravity adds on
 /// the way. Infinite at rest without gravity.
 pub fn crossing_s(setup: &Setup, speed_m_s: f64) -> f64 {
     let speed = speed_m_s.max(max_collider_speed_m_s(setup));
     positive_root(norm(&setup.gravity), speed, setup.cfl * setup.dx)
 }
 
-/// The positive root t of a t² + b t = c, in the form that has no cancellation.
+/// The positive root t of a t² + b t = c, in the form without cancellation.
 pub(super) fn positive_root(a: f64, b: f64, c: f64) -> f64 {
     2.0 * c / (b + (b * b + 4.0 * a * c).sqrt())
 }
 
-/// What the particles ask for at time 0.
+/// The extremes of the particles at time 0.
 pub fn initial_extremes(setup: &Setup, particles: &Particles) -> Extremes {
     Extremes {
         speed_m_s: initial_speed_m_s(setup, particles),
@@ -160,7 +162,8 @@ fn initial_affine_rate_1_s(setup: &Setup, particles: &Particles) -> f64 {
     particles.x.iter().zip(&particles.b).map(rate).filter(|rate| rate.is_finite()).fold(0.0, f64::max)
 }
 
-/// Fastest point of any collider inside the domain at any time of the run (m/s), from above.
+/// Upper bound on the speed (m/s) of any point of a collider inside the domain at any time of the
+/// run.
 pub fn max_collider_speed_m_s(setup: &Setup) -> f64 {
     let upper: [f64; 3] = std::array::from_fn(|a| setup.origin[a] + setup.cells[a] as f64 * setup.dx);
     let speed = |collider: &Collider| {
@@ -170,12 +173,12 @@ pub fn max_collider_speed_m_s(setup: &Setup) -> f64 {
             if a >= setup.dimension {
                 return 0.0;
             }
-            // An unbounded solid matters up to the walls only.
+            // An unbounded solid matters only up to the walls.
             let low = if low[a].is_finite() { low[a] } else { setup.origin[a] };
             let high = if high[a].is_finite() { high[a] } else { upper[a] };
             (low - motion.center[a]).abs().max((high - motion.center[a]).abs())
         });
-        // |ω × r| by components: what lies along the axis does not count.
+        // |ω × r| by components: the component along the axis does not count.
         let turning = |w: &[f64; 3]| {
             let w = w.map(f64::abs);
             let component = |a: usize, b: usize| w[a] * reach[b] + w[b] * reach[a];

@@ -31,7 +31,8 @@ fn weight(kernel: Kernel, r: f64) -> (f64, f64) {
     if w > 1e-14 { (w, dw * side) } else { (0.0, 0.0) }
 }
 
-/// Stress of one particle at `x` (dx) after many steps of `dt`, linear elasticity and viscosity, unit dx and density.
+/// Stress of one particle at `x` (dx) after many steps of `dt`, with linear elasticity and
+/// viscosity, unit dx and density.
 fn growth(kernel: Kernel, transfer: Transfer, x: [f64; 3], [lambda, mu, viscosity]: [f64; 3], dt: f64) -> f64 {
     let grids: &[f64] = if kernel == Kernel::Compact { &[0.25, -0.25] } else { &[0.0] };
     let share = 1.0 / grids.len() as f64;
@@ -92,7 +93,8 @@ fn growth(kernel: Kernel, transfer: Transfer, x: [f64; 3], [lambda, mu, viscosit
 fn the_single_particle_bound_is_where_a_lone_particle_blows_up() {
     use Kernel::*;
     use Transfer::*;
-    // Positions where the bound is sharp: any for quadratic MLS, beside the midplane for the gradient form.
+    // Positions where the bound is sharp: any for quadratic MLS, beside the midplane for the
+    // gradient form.
     let midplane = [3.5 + 1e-4; 3];
     let cases = [
         (Quadratic, Mls, [3.2, 3.6, 3.9], [1.0, 0.4, 0.0]),
@@ -112,7 +114,7 @@ fn the_single_particle_bound_is_where_a_lone_particle_blows_up() {
         let dt = 2.0 / (b + (b * b + 4.0 * a).sqrt());
         let at = |share: f64| growth(kernel, transfer, x, material, share * dt);
         assert!(at(0.98) < 1e3, "{kernel:?} {transfer:?} {material:?}: grows by {:e} below the bound", at(0.98));
-        // Viscous modes that differ from the elastic worst one leave a gap.
+        // Viscous modes that differ from the worst elastic one leave a gap.
         let above = if viscosity > 0.0 && lambda > 0.05 { 1.25 } else { 1.02 };
         assert!(
             at(above).is_nan() || at(above) > 1e6,
@@ -130,7 +132,7 @@ fn no_lone_particle_of_the_compact_kernel_blows_up_below_its_bound() {
         let mut setup = setup(Kernel::Compact, transfer);
         setup.dx = 1.0;
         for trial in 0..60 {
-            // The worst places are near the nodes of one grid, and on the symmetric points.
+            // The worst places are near the nodes of one grid and at the symmetric points.
             let x: [f64; 3] = std::array::from_fn(|_| match trial % 3 {
                 0 => 3.0 + random.random::<f64>(),
                 1 => 3.0 + 0.5 * random.random_range(0..2) as f64,
@@ -188,7 +190,7 @@ fn viscosity_rules_thick_fluids_and_not_thin_ones() {
         fluid.viscosity = viscosity;
         assert_eq!(matches!(material_bound(&setup).1, Bound::Viscosity { .. }), rule, "{viscosity}");
     }
-    // Diffusion: dt ≤ f² dx² / 4ν in the bulk, an η-fold part of dx² / ν for a lone particle.
+    // Diffusion: dt ≤ f² dx² / 4ν in the bulk. For a lone particle, dt ≤ dx² / 2ην.
     let (dt, nu) = (material_bound(&setup).0, 1e5 / 1000.0);
     assert!(dt < SAFETY * 0.0625f64.powi(2) / (4.0 * nu) * 1.001);
 }
