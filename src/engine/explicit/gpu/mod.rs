@@ -5,7 +5,7 @@
 //! `engine` runs frames and answers for overflow and re-planning, `failure` for errors, `readback`
 //! brings states home, and `staged` stops between the stages of a step.
 
-pub(crate) mod buffers;
+mod buffers;
 #[cfg(test)]
 mod derivative_tests;
 mod engine;
@@ -13,7 +13,7 @@ mod failure;
 #[cfg(test)]
 mod law_tests;
 pub mod layout;
-pub(crate) mod readback;
+mod readback;
 mod staged;
 pub mod stages;
 pub mod timing;
