@@ -13,9 +13,11 @@ use foxglove::messages::{
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use super::surface;
-use super::writer::WORLD;
 use gridfall_core::sim::collider::{Collider, Primitive, Sdf, SdfOp};
 use gridfall_core::sim::setup::Setup;
+
+/// Coordinate frame of everything that does not move.
+pub const WORLD: &str = "world";
 
 /// Cells along the longest side of a meshed collider.
 const RESOLUTION: usize = 64;

@@ -10,6 +10,7 @@ mod appearance;
 mod colliders;
 mod diagnostics;
 mod excerpt;
+mod files;
 mod palette;
 mod picture;
 mod points;
@@ -19,60 +20,8 @@ pub mod run;
 mod surface;
 mod writer;
 
-use std::io;
-use std::path::{Path, PathBuf};
-
 pub use appearance::Appearance;
+pub use files::{RecordingError, partial_path, write_file};
 pub use picture::thumbnail;
 pub use recovery::{Snapshot, recover, snapshot};
 pub use writer::{Header, Severity, Writer};
-
-/// Failures to write or to recover a recording.
-#[derive(Debug, thiserror::Error)]
-pub enum RecordingError {
-    #[error("cannot {action} {path}: {source}")]
-    Io { action: &'static str, path: PathBuf, source: io::Error },
-    #[error("cannot write {path}: {source}")]
-    Mcap { path: PathBuf, source: mcap::McapError },
-    #[error("{path} is not a recording: {reason}")]
-    Damaged { path: PathBuf, reason: String },
-}
-
-impl RecordingError {
-    /// Adds to an I/O error what was being done, and to which file.
-    pub fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
-        move |source| Self::Io { action, path: path.to_owned(), source }
-    }
-}
-
-/// Path of a recording that is being written: the target with `.partial` added to its name.
-pub fn partial_path(target: &Path) -> PathBuf {
-    let mut name = target.as_os_str().to_owned();
-    name.push(".partial");
-    name.into()
-}
-
-/// Writes a whole file. Other processes see it complete or not at all.
-///
-/// # Errors
-/// When the file cannot be written, synced or renamed.
-pub fn write_file(target: &Path, bytes: &[u8]) -> Result<(), RecordingError> {
-    let partial = partial_path(target);
-    std::fs::write(&partial, bytes).map_err(RecordingError::io("write", &partial))?;
-    publish(&partial, target)
-}
-
-/// Makes a written file durable and gives it its final name, atomically for every reader.
-fn publish(partial: &Path, target: &Path) -> Result<(), RecordingError> {
-    let file = std::fs::File::open(partial).map_err(RecordingError::io("open", partial))?;
-    file.sync_all().map_err(RecordingError::io("sync", partial))?;
-    std::fs::rename(partial, target).map_err(RecordingError::io("rename", partial))?;
-    // The new name is durable once its directory is synced; only Unix can sync a directory.
-    #[cfg(unix)]
-    {
-        let directory = target.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let handle = std::fs::File::open(directory).map_err(RecordingError::io("open", directory))?;
-        handle.sync_all().map_err(RecordingError::io("sync", directory))?;
-    }
-    Ok(())
-}

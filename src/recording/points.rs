@@ -47,7 +47,7 @@ impl Points {
         });
         PointCloud {
             timestamp: Some(timestamp),
-            frame_id: super::writer::WORLD.into(),
+            frame_id: super::colliders::WORLD.into(),
             pose: Some(Pose {
                 position: Some(Vector3::default()),
                 orientation: Some(Quaternion { w: 1.0, ..Default::default() }),

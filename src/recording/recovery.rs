@@ -12,7 +12,7 @@ use std::path::Path;
 use binrw::{BinRead, BinWrite};
 use mcap::records::{self, Record, op};
 
-use super::{RecordingError, publish};
+use super::files::{RecordingError, publish};
 
 const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 /// Length of a record's head: opcode and length.

@@ -8,9 +8,12 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::thread;
 
+use crate::appearance::Appearance;
 use crate::excerpt::Excerpt;
+use crate::files::{RecordingError, write_file};
+use crate::picture::thumbnail;
 use crate::picture::thumbnail_selection;
-use crate::{self as recording, Appearance, Header, RecordingError, Severity, Writer};
+use crate::writer::{Header, Severity, Writer};
 use gridfall_core::sim::diagnostics::{Row, SolverRow, Totals};
 use gridfall_core::sim::setup::{OutputField, Setup};
 use gridfall_engine::{Control, Engine, EngineError, FrameStats, Solve};
@@ -336,7 +339,7 @@ impl<'a> Keeper<'a> {
         let result = BTreeMap::from(entries.map(|(key, value)| (key.to_owned(), value)));
         self.writer.finish(result)?;
         if let (Some(path), Some(particles)) = (&out.thumbnail, &self.last) {
-            recording::write_file(path, &recording::thumbnail(self.setup, self.appearance, particles, time_s))?;
+            write_file(path, &thumbnail(self.setup, self.appearance, particles, time_s))?;
         }
         Ok(self.summary)
     }

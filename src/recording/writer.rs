@@ -14,18 +14,17 @@ use mcap::write::NoSeek;
 use mcap::{Attachment, McapError, WriteOptions};
 use sha2::{Digest, Sha256};
 
+use super::colliders::WORLD;
+use super::files::{RecordingError, partial_path, publish};
 use super::picture::Camera;
 use super::points::Points;
-use super::{RecordingError, colliders, diagnostics, partial_path, publish};
+use super::{colliders, diagnostics};
 use crate::appearance::Appearance;
 use crate::excerpt::{Excerpt, select, union};
 use crate::provenance;
 use gridfall_core::sim::diagnostics::{Row, SolverRow};
 use gridfall_core::sim::setup::Setup;
 use gridfall_engine::Backend;
-
-/// Coordinate frame of everything that does not move.
-pub const WORLD: &str = "world";
 
 /// Chunks are closed at the end of each frame and, inside large frames, at this size (bytes).
 const CHUNK_BYTES: u64 = 1 << 20;

@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::V3;
 use super::obstacles::{Obstacle, nearest};
 use super::splat::{Ball, splat};
 use super::view::View;
+use crate::appearance::V3;
 
 /// Samples for soft shadows and for occlusion.
 pub const SAMPLES: usize = 16;

@@ -1,7 +1,9 @@
 //! The outline of the domain.
 
-use super::view::{View, corners};
-use super::{Canvas, V3};
+use super::Canvas;
+use super::view::View;
+use crate::appearance::V3;
+use crate::appearance::corners;
 use crate::palette::Rgb;
 
 const LINE: Rgb = [0.52, 0.55, 0.60];

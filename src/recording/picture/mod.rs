@@ -9,7 +9,6 @@ mod splat;
 mod surface;
 mod view;
 
-use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::excerpt::{Excerpt, select};
@@ -17,11 +16,8 @@ use super::palette::{Palette, Rgb, to_srgb};
 use gridfall_core::sim::setup::Setup;
 use splat::Ball;
 use view::View;
-pub(crate) use view::{Bounds, focus};
 
-use crate::appearance::Appearance;
-
-type V3 = Vector3<f32>;
+use crate::appearance::{Appearance, V3};
 
 /// Size and effort of a picture.
 struct Quality {

@@ -1,6 +1,6 @@
 //! Colliders in pictures: rays traced through their distance fields.
 
-use super::V3;
+use crate::appearance::V3;
 use crate::colliders::{domain_box, translucent};
 use gridfall_core::sim::collider::{Pose, Sdf, rotate};
 use gridfall_core::sim::setup::Setup;

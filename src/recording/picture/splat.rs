@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::V3;
 use super::view::View;
+use crate::appearance::V3;
 use crate::palette::Rgb;
 
 /// A particle to be drawn.
