@@ -2,7 +2,7 @@
 //! not use, and some crates may be named in a few folders only.
 
 use super::graph::{Crate, check, manifest, names};
-use super::layers::{CORE, CRATES, ENGINE, Layer, OWNED, ROOT, SERVICE};
+use super::layers::{CORE, CRATES, ENGINE, Layer, OWNED, RECORDING, ROOT, SCENE, SERVICE};
 use super::{Source, caught, none, sources};
 
 /// Files of the root package: those that belong to no other crate.
@@ -58,6 +58,16 @@ fn check_owners(files: &[Source]) -> Vec<String> {
 #[test]
 fn core_is_layered() {
     check_crate("src/core", CORE);
+}
+
+#[test]
+fn scenes_are_layered() {
+    check_crate("src/scene", SCENE);
+}
+
+#[test]
+fn recordings_are_layered() {
+    check_crate("src/recording", RECORDING);
 }
 
 #[test]

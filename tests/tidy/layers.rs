@@ -18,17 +18,67 @@ pub const CRATES: &[(&str, &[&str])] = &[
 
 pub const CORE: &[Layer] = &[("maths", &[]), ("material", &["maths"]), ("sim", &["maths", "material"])];
 
+pub const SCENE: &[Layer] = &[
+    ("schema", &[]),
+    ("fault", &[]),
+    ("limits", &[]),
+    ("suggest", &[]),
+    ("vectors", &[]),
+    ("memory", &[]),
+    ("document", &["fault"]),
+    ("overrides", &["fault"]),
+    ("structure", &["schema", "fault", "suggest"]),
+    ("mesh", &["schema"]),
+    ("points", &["mesh", "vectors"]),
+    ("assets", &["mesh", "points"]),
+    ("sampling", &["schema"]),
+    ("grid", &["schema", "vectors", "sampling"]),
+    ("shape", &["schema", "fault", "vectors"]),
+    ("resolve", &["schema", "fault", "limits", "mesh", "points", "assets", "shape"]),
+    (
+        "validate",
+        &["schema", "fault", "limits", "suggest", "vectors", "memory", "sampling", "grid", "shape", "resolve"],
+    ),
+    ("build", &["schema", "vectors", "grid", "shape", "resolve"]),
+    ("estimate", &["memory"]),
+];
+
 pub const ENGINE: &[Layer] = &[
     ("contract", &[]),
+    ("keys", &[]),
     ("gpu", &["contract"]),
-    ("explicit::cpu", &["contract"]),
+    ("explicit::cpu", &["contract", "keys"]),
     ("explicit::gpu", &["contract", "gpu"]),
     ("implicit::step", &[]),
-    ("implicit::solver", &["contract"]),
-    ("implicit::physics", &["contract", "implicit::solver"]),
-    ("implicit::cpu", &["contract", "implicit::step", "implicit::solver", "implicit::physics"]),
-    ("implicit::gpu", &["contract", "gpu", "explicit::gpu", "implicit::step", "implicit::solver"]),
-    ("choice", &["contract", "gpu", "explicit::cpu", "explicit::gpu", "implicit::cpu", "implicit::gpu"]),
+    ("implicit::engine", &["contract", "implicit::step"]),
+    ("implicit::solver", &["contract", "keys"]),
+    ("implicit::physics", &["contract", "keys", "implicit::solver"]),
+    ("implicit::cpu", &["contract", "implicit::engine", "implicit::solver", "implicit::physics"]),
+    (
+        "implicit::gpu",
+        &["contract", "gpu", "explicit::gpu", "implicit::step", "implicit::engine", "implicit::solver"],
+    ),
+    ("programs", &["gpu", "explicit::gpu", "implicit::gpu"]),
+    ("choice", &["contract", "gpu", "explicit::cpu", "explicit::gpu", "implicit::engine", "implicit::gpu"]),
+];
+
+pub const RECORDING: &[Layer] = &[
+    ("provenance", &[]),
+    ("files", &[]),
+    ("surface", &[]),
+    ("excerpt", &[]),
+    ("diagnostics", &[]),
+    ("colliders", &["surface"]),
+    ("appearance", &["colliders"]),
+    ("palette", &["appearance"]),
+    ("points", &["excerpt", "colliders", "appearance", "palette"]),
+    ("picture", &["excerpt", "colliders", "appearance", "palette"]),
+    (
+        "writer",
+        &["provenance", "files", "excerpt", "diagnostics", "colliders", "appearance", "points", "picture"],
+    ),
+    ("recovery", &["files"]),
+    ("run", &["files", "excerpt", "appearance", "picture", "writer"]),
 ];
 
 pub const SERVICE: &[Layer] = &[("store", &[]), ("jobs", &["store"]), ("http", &["store", "jobs"])];
