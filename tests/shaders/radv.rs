@@ -137,3 +137,33 @@ pub fn faults(report: &Report, title: &str) -> Vec<String> {
     };
     faults.into_iter().map(line).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spills_and_scratch_memory_are_faults() {
+        let sound = Figures { instructions: 100, registers: 64, waves: 16, ..Figures::default() };
+        let figures = [
+            ("sound".to_string(), sound),
+            ("spilled".into(), Figures { spills: 9, ..sound }),
+            ("array".into(), Figures { scratch_bytes: 3072, ..sound }),
+        ];
+        let report = Report { driver: "Mesa".into(), figures: figures.into() };
+        let found = faults(&report, "RDNA 3");
+        assert_eq!(
+            found,
+            [
+                "array: RDNA 3: 0 registers spilled, 3072 B of scratch memory, 64 VGPRs",
+                "spilled: RDNA 3: 9 registers spilled, 0 B of scratch memory, 64 VGPRs",
+            ]
+        );
+    }
+
+    #[test]
+    fn a_family_that_mesa_does_not_know_is_an_error() {
+        let fault = run("no-such-family").err().unwrap();
+        assert!(fault.contains("RADV as no-such-family at no program yet"), "{fault}");
+    }
+}

@@ -29,8 +29,9 @@ NVRTC = ctypes.CDLL(glob.glob(str(WHEELS / "nvidia" / "cuda_nvrtc" / "lib" / "li
 OPTIONS = ["-default-device", "-prec-div=false", "-prec-sqrt=false", "-ftz=true", "-w", "--std=c++17",
            f"-I{WHEELS}/nvidia/cuda_runtime/include"]
 
-# Slang's prelude reads byte buffers a byte at a time, because it does not know their alignment; a Vulkan driver does.
-WORDS = [
+# What Slang's prelude lacks or does badly. It reads byte buffers a byte at a time, because it does not know their alignment; a
+# Vulkan driver does. And it has no shifts of signed vectors by unsigned ones.
+MENDS = [
     ("memcpy(&data, ((const char*)this->data) + index, sizeof(T));",
      "{ uint32_t* q = (uint32_t*)&data; for (int i = 0; i < int(sizeof(T) / 4); i++) "
      "q[i] = ((const uint32_t*)this->data)[(index >> 2) + i]; }"),
@@ -40,6 +41,9 @@ WORDS = [
     ("return uint4{data[dataIdx], data[dataIdx + 1], data[dataIdx + 2], data[dataIdx + 3]};",
      "return *(const uint4*)(data + dataIdx);"),
     ("return uint2{data[dataIdx], data[dataIdx + 1]};", "return *(const uint2*)(data + dataIdx);"),
+    ("SLANG_CUDA_VECTOR_INT_OPS(ulonglong)\n", "SLANG_CUDA_VECTOR_INT_OPS(ulonglong)\n" + "".join(
+        f"__device__ inline int{n} operator{op}(int{n} a, uint{n} b) {{ return a {op} make_int{n}({fields}); }}\n"
+        for n, fields in ((2, "b.x, b.y"), (3, "b.x, b.y, b.z"), (4, "b.x, b.y, b.z, b.w")) for op in ("<<", ">>"))),
 ]
 
 
@@ -55,8 +59,8 @@ def cuda(shader, folder):
     out = folder / "kernel.cu"
     run(SLANG / "slangc", shader, "-entry", "main", "-stage", "compute", "-lang", "hlsl", "-target", "cuda", "-o", out)
     source = out.read_text()
-    for slow, fast in WORDS:
-        source = source.replace(slow, fast)
+    for old, new in MENDS:
+        source = source.replace(old, new)
     return source
 
 

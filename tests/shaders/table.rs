@@ -136,7 +136,7 @@ pub fn part<'a>(document: &'a str, name: &str) -> Result<&'a str, String> {
 /// The document with another text as its part `name`.
 pub fn with_part(document: &str, name: &str, text: &str) -> Result<String, String> {
     let (start, end) = place(document, name)?;
-    Ok(format!("{}\n{}\n{}", &document[..start], text.trim(), &document[end..]))
+    Ok(format!("{}\n{}\n\n{}", &document[..start], text.trim(), &document[end..]))
 }
 
 #[cfg(test)]

@@ -12,7 +12,9 @@ if (!fs.existsSync(entry)) {
   process.exit(1);
 }
 const { create } = await import(pathToFileURL(entry).href);
-const adapter = await create(['backend=null']).requestAdapter();
+// Kept while anything of it is used: what it made does not keep it alive.
+globalThis.gpu = create(['backend=null']);
+const adapter = await gpu.requestAdapter();
 const device = await adapter.requestDevice();
 let refused = 0;
 for (const { name, wgsl } of JSON.parse(fs.readFileSync(programs, 'utf8'))) {

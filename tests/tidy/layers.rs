@@ -54,10 +54,7 @@ pub const ENGINE: &[Layer] = &[
     ("implicit::solver", &["contract", "keys"]),
     ("implicit::physics", &["contract", "keys", "implicit::solver"]),
     ("implicit::cpu", &["contract", "implicit::engine", "implicit::solver", "implicit::physics"]),
-    (
-        "implicit::gpu",
-        &["contract", "gpu", "explicit::gpu", "implicit::step", "implicit::engine", "implicit::solver"],
-    ),
+    ("implicit::gpu", &["contract", "gpu", "explicit::gpu", "implicit::step", "implicit::engine", "implicit::solver"]),
     ("programs", &["gpu", "explicit::gpu", "implicit::gpu"]),
     ("choice", &["contract", "gpu", "explicit::cpu", "explicit::gpu", "implicit::engine", "implicit::gpu"]),
 ];
@@ -73,10 +70,7 @@ pub const RECORDING: &[Layer] = &[
     ("palette", &["appearance"]),
     ("points", &["excerpt", "colliders", "appearance", "palette"]),
     ("picture", &["excerpt", "colliders", "appearance", "palette"]),
-    (
-        "writer",
-        &["provenance", "files", "excerpt", "diagnostics", "colliders", "appearance", "points", "picture"],
-    ),
+    ("writer", &["provenance", "files", "excerpt", "diagnostics", "colliders", "appearance", "points", "picture"]),
     ("recovery", &["files"]),
     ("run", &["files", "excerpt", "appearance", "picture", "writer"]),
 ];

@@ -60,8 +60,8 @@ fn main(
             run_sum[r] += run_sum[r - 1u];
         }
     }
-    workgroupBarrier();
-    let total = run_sum[RUNS - 1u];
+    // A load that every lane is known to agree on: `total` bounds a loop with barriers.
+    let total = workgroupUniformLoad(&run_sum[RUNS - 1u]);
     let other = neighbour(grid, lane);
     let other_grid = u32(other.w);
     var block: mat3x3<f32>; // block[c][a]

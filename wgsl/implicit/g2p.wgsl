@@ -63,7 +63,13 @@ fn advance(slot: u32, p: u32) {
     deformation.F = deformation_of(p);
     deformation.q = plastic_of(p, model);
     var principal: Principal;
-    let next = deform(deformation, materials[bodies[tag[p].y].material], rate * tile_gradient(y), &principal);
+    var gradient: mat3x3<f32>;
+    if (MLS) {
+        gradient = times_inverse_moment(B, y);
+    } else {
+        gradient = tile_gradient(y);
+    }
+    let next = deform(deformation, materials[bodies[tag[p].y].material], rate * gradient, &principal);
     let shift = rate * v;
     let farthest = length(shift);
     // Written so that NaN fails the test: on Vulkan x != x is not reliable.
