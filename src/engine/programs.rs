@@ -1,18 +1,15 @@
 //! Every program of the GPU engines, for those who look at shaders: tests and compilers.
 
+use crate::explicit::gpu as explicit;
 use crate::gpu::{Shader, Variant, WORKGROUP};
-use crate::{explicit, implicit};
+use crate::implicit::gpu as implicit;
 
 /// All programs in all variants, those that a GPU runs; programs that come out the same in several
 /// variants are there once. Errors: what is wrong with a shader.
 pub fn programs() -> Result<Vec<Shader>, String> {
     let mut all: Vec<Shader> = Vec::new();
-    let mut names = [
-        explicit::gpu::stages::programs(),
-        implicit::gpu::stages::programs(),
-        implicit::gpu::linear::stages::programs(),
-    ]
-    .concat();
+    let mut names =
+        [explicit::stages::programs(), implicit::stages::programs(), implicit::linear::stages::programs()].concat();
     names.sort_unstable();
     names.dedup();
     for variant in Variant::all() {

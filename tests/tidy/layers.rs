@@ -53,7 +53,7 @@ pub const ENGINE: &[Layer] = &[
     ("implicit::engine", &["contract", "implicit::step"]),
     ("implicit::solver", &["contract", "keys"]),
     ("implicit::physics", &["contract", "keys", "implicit::solver"]),
-    ("implicit::cpu", &["contract", "implicit::engine", "implicit::solver", "implicit::physics"]),
+    ("implicit::cpu", &["contract", "implicit::step", "implicit::engine", "implicit::solver", "implicit::physics"]),
     ("implicit::gpu", &["contract", "gpu", "explicit::gpu", "implicit::step", "implicit::engine", "implicit::solver"]),
     ("programs", &["gpu", "explicit::gpu", "implicit::gpu"]),
     ("choice", &["contract", "gpu", "explicit::cpu", "explicit::gpu", "implicit::engine", "implicit::gpu"]),

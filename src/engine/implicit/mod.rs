@@ -6,7 +6,7 @@
 //! `engine` runs frames over the stages of a step, which `cpu` has in f64 and `gpu` in f32.
 
 mod cpu;
-mod engine;
+pub(crate) mod engine;
 pub mod gpu;
 pub mod physics;
 pub mod solver;
