@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::contract::{Engine, EngineError};
-use super::implicit::ImplicitEngine;
+use crate::implicit::engine::ImplicitEngine;
 use crate::explicit::cpu::CpuEngine;
 use crate::explicit::gpu::{GpuEngine, supports};
 use crate::gpu::Gpu;
