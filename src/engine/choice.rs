@@ -30,7 +30,8 @@ pub struct Devices {
 }
 
 impl Devices {
-    /// Opens what `choice` needs. `adapter` is part of an adapter's name; naming one is the only way to a software Vulkan driver.
+    /// Opens what `choice` needs. `adapter` is part of an adapter's name; naming one is the only
+    /// way to a software Vulkan driver.
     ///
     /// Errors: [`EngineError::NoDevice`] when a GPU was asked for, by choice or by name, and there is none.
     pub fn open(choice: Choice, adapter: Option<&str>) -> Result<Self, EngineError> {

@@ -103,9 +103,10 @@ pub trait Engine {
     /// Particle states at the last frame boundary, in sampling order.
     fn snapshot(&mut self) -> Result<Particles, EngineError>;
 
-    /// Hands over the particle states at the last frame boundary in sampling order, in parts of about `part` particles, so that not all
-    /// of them have to be in memory beside the engine's own, each with the index of its first. An engine that has them all at hand
-    /// anyway hands them over in one.
+    /// Hands over the particle states at the last frame boundary in sampling order, in parts of
+    /// about `part` particles, so that not all of them have to be in memory beside the engine's
+    /// own, each with the index of its first. An engine that has them all at hand anyway hands them
+    /// over in one.
     fn visit(&mut self, _part: usize, take: &mut dyn FnMut(usize, Particles)) -> Result<(), EngineError> {
         take(0, self.snapshot()?);
         Ok(())

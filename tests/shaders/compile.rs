@@ -33,8 +33,9 @@ pub struct Compiled {
     pub module: Arc<Module>,
 }
 
-/// SPIR-V as wgpu 30 asks for it on a Vulkan 1.3 device with robust buffers, for modules that keep all runtime checks but
-/// the bound of loops and whose workgroup memory is not cleared. Capabilities are those that every device has.
+/// SPIR-V as wgpu 30 asks for it on a Vulkan 1.3 device with robust buffers, for modules that keep
+/// all runtime checks but the bound of loops and whose workgroup memory is not cleared.
+/// Capabilities are those that every device has.
 fn spirv_options() -> spv::Options<'static> {
     spv::Options {
         lang_version: (1, 6),

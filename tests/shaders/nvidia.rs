@@ -1,4 +1,5 @@
-//! The table of NVIDIA's compiler, which is too large for every test run: each row carries a hash of what it was made from.
+//! The table of NVIDIA's compiler, which is too large for every test run: each row carries a hash
+//! of what it was made from.
 
 use std::collections::HashMap;
 use std::fs;
@@ -29,7 +30,8 @@ impl Architecture {
     /// Warps that a multiprocessor can hold at once.
     fn warps(&self, registers: u64, shared: u64, lanes: u64) -> u64 {
         let warps = lanes.div_ceil(32);
-        // A warp gets registers in steps of 256 from one of four files; a workgroup has 1 KiB of shared memory to spare.
+        // A warp gets registers in steps of 256 from one of four files; a workgroup has 1 KiB of
+        // shared memory to spare.
         let by_registers = 4 * (65_536 / 4 / (32 * registers).next_multiple_of(256)) / warps;
         let by_shared = self.shared_bytes / (shared + 1024);
         by_registers.min(by_shared).min(64 / warps).min(32) * warps

@@ -1,7 +1,7 @@
 //! RADV, Mesa's driver of AMD's GPUs, on "null hardware": it compiles every pipeline for GPUs that are not there.
 //!
-//! An environment variable that the driver reads once chooses the family, and a compiler may crash; so each family has a
-//! process of its own, which is this test program again with only [`worker`].
+//! An environment variable that the driver reads once chooses the family, and a compiler may crash;
+//! so each family has a process of its own, which is this test program again with only [`worker`].
 
 use std::collections::HashMap;
 use std::fs;
@@ -37,7 +37,8 @@ pub struct Report {
 /// Where a worker is to write.
 const OUT: &str = "GRIDFALL_RADV_REPORT";
 
-/// Does nothing unless [`run`] started it. Writes a line with the driver, then a line for each module: name, tab, figures.
+/// Does nothing unless [`run`] started it. Writes a line with the driver, then a line for each
+/// module: name, tab, figures.
 #[test]
 fn worker() {
     let Ok(out) = std::env::var(OUT) else { return };

@@ -34,8 +34,8 @@ struct Open {
     figures: Vec<u64>,
 }
 
-/// Rows of programs by name and figures, those of a shader one after the other. A word leaves the variant where all of its
-/// values come to the same figures; the programs then share a row.
+/// Rows of programs by name and figures, those of a shader one after the other. A word leaves the
+/// variant where all of its values come to the same figures; the programs then share a row.
 pub fn rows(programs: impl IntoIterator<Item = (String, Vec<u64>)>) -> Vec<Row> {
     let mut open: Vec<Open> = programs
         .into_iter()

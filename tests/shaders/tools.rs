@@ -43,8 +43,8 @@ pub fn spirv_val<'a>(modules: impl IntoIterator<Item = (&'a str, &'a Module)>) -
     modules.into_iter().filter_map(check).collect()
 }
 
-/// What Tint has against programs. It is not given constants (its null device has too small limits for pipelines), so programs
-/// that differ only in those are one.
+/// What Tint has against programs. It is not given constants (its null device has too small limits
+/// for pipelines), so programs that differ only in those are one.
 pub fn tint(programs: &[Program]) -> Result<(), String> {
     let sources: BTreeMap<&str, &str> = programs.iter().rev().map(|p| (p.wgsl.as_str(), p.name.as_str())).collect();
     let sources: Vec<_> =

@@ -13,8 +13,10 @@ fn block(kernel: &str, boundary: &str, extra: &str) -> Problem {
         r#"{{ "gridfall": 1, "name": "block",
         "domain": {{ "min": [0, 0, 0], "max": [1, 1, 1], "dx": 0.0625, "boundary": {{ {boundary} }} }},
         "gravity": [0, 0, -2],
-        "materials": {{ "jelly": {{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 }} }},
-        "bodies": [ {{ "name": "a", "material": "jelly", "shape": {{ "box": {{ "min": [0.3, 0.3, 0.5], "max": [0.6, 0.6, 0.8] }} }}, {extra} }} ],
+        "materials": {{ "jelly": {{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e4,
+            "poissons_ratio": 0.3 }} }},
+        "bodies": [ {{ "name": "a", "material": "jelly", "shape": {{ "box": {{ "min": [0.3, 0.3, 0.5],
+            "max": [0.6, 0.6, 0.8] }} }}, {extra} }} ],
         "time": {{ "end": 0.1, "frame_rate": 100 }}, "solver": {{ "kernel": "{kernel}" }} }}"#
     ))
 }
@@ -88,8 +90,10 @@ fn capacity_grows_without_losing_a_step() {
     let problem = common::problem(
         r#"{ "gridfall": 1, "name": "burst",
         "domain": { "min": [0, 0, 0], "max": [3, 3, 3], "dx": 0.0625 },
-        "materials": { "gas": { "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1, "gamma": 2 } },
-        "bodies": [ { "name": "a", "material": "gas", "shape": { "box": { "min": [1.375, 1.375, 1.375], "max": [1.625, 1.625, 1.625] } },
+        "materials": { "gas": { "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1,
+            "gamma": 2 } },
+        "bodies": [ { "name": "a", "material": "gas", "shape": { "box": { "min": [1.375, 1.375, 1.375],
+            "max": [1.625, 1.625, 1.625] } },
             "velocity_gradient": [[20, 0, 0], [0, 20, 0], [0, 0, 20]] } ],
         "time": { "end": 0.3, "frame_rate": 10 } }"#,
     );
@@ -210,7 +214,8 @@ fn sources_emit_what_the_cpu_emits() {
         r#"{ "gridfall": 1, "name": "tap", "domain": { "min": [0, 0, 0], "max": [0.5, 0.5, 1], "dx": 0.0625 },
         "gravity": [0, 0, -5],
         "materials": { "water": { "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1e4 },
-                       "jelly": { "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 } },
+                       "jelly": { "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e4,
+                           "poissons_ratio": 0.3 } },
         "bodies": [],
         "sources": [ { "name": "tap", "material": "water", "velocity": [0, 0, -1], "from": 0.06,
                        "shape": { "box": { "min": [0.125, 0.125, 0.75], "max": [0.25, 0.25, 0.8] } } },

@@ -1,7 +1,7 @@
 //! The GPU's stages of an implicit step do what the CPU's do, on random states; a planted error is caught.
 //!
-//! Reference: `implicit` in f64. Masses in full nodes, momenta and gradients in full nodes × m/s, blocks of the matrix in shares of the
-//! diagonal blocks that they couple.
+//! Reference: `implicit` in f64. Masses in full nodes, momenta and gradients in full nodes × m/s,
+//! blocks of the matrix in shares of the diagonal blocks that they couple.
 
 use std::collections::HashMap;
 
@@ -33,7 +33,8 @@ const ELASTIC: [&str; 3] = [
 const PLASTIC: [&str; 3] = [
     r#"{ "model": "von-mises", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3, "yield_stress": 500 }"#,
     r#"{ "model": "snow", "density": 400, "youngs_modulus": 1e5, "poissons_ratio": 0.2 }"#,
-    r#"{ "model": "drucker-prager", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3, "friction_angle_degrees": 30 }"#,
+    r#"{ "model": "drucker-prager", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3,
+        "friction_angle_degrees": 30 }"#,
 ];
 
 /// All wall kinds and contacts; a turned, moving collider, a slippery one, a grip; a periodic axis.
@@ -42,22 +43,30 @@ fn scene(kernel: &str, transfer: &str, [a, b, c]: [&str; 3], seed: u64) -> Probl
     let mut problem = common::problem(&format!(
         r#"{{ "gridfall": 1, "name": "twins",
         "domain": {{ "min": [-0.3, 0.1, 0.2], "max": [0.7, 0.6, 0.7], "dx": 0.0625,
-                     "boundary": {{ "x-": {{"contact":"slip"}}, "x+": {{"contact":"separate","friction":0.3}}, "y": "periodic",
+                     "boundary": {{ "x-": {{"contact":"slip"}}, "x+": {{"contact":"separate","friction":0.3}},
+                         "y": "periodic",
                                     "z-": {{"contact":"separate","friction":0.4}}, "z+": {{"contact":"sticky"}} }} }},
         "gravity": [0.5, -1, -9.81],
         "materials": {{ "a": {a}, "b": {b}, "c": {c} }},
         "bodies": [
-            {{ "name": "a", "material": "a", "sampling": "jittered", "shape": {{ "box": {{ "min": [-0.3, 0.1, 0.2], "max": [0, 0.35, 0.5] }} }} }},
-            {{ "name": "b", "material": "b", "sampling": "jittered", "shape": {{ "sphere": {{ "center": [0.2, 0.4, 0.5], "radius": 0.15 }} }} }},
-            {{ "name": "c", "material": "c", "sampling": "jittered", "shape": {{ "box": {{ "min": [0.4, 0.3, 0.2], "max": [0.7, 0.6, 0.4] }} }} }} ],
+            {{ "name": "a", "material": "a", "sampling": "jittered",
+                "shape": {{ "box": {{ "min": [-0.3, 0.1, 0.2], "max": [0, 0.35, 0.5] }} }} }},
+            {{ "name": "b", "material": "b", "sampling": "jittered",
+                "shape": {{ "sphere": {{ "center": [0.2, 0.4, 0.5], "radius": 0.15 }} }} }},
+            {{ "name": "c", "material": "c", "sampling": "jittered", "shape": {{ "box": {{ "min": [0.4, 0.3, 0.2],
+                "max": [0.7, 0.6, 0.4] }} }} }} ],
         "colliders": [
             {{ "name": "bar", "contact": "separate", "friction": 0.2,
-               "shape": {{ "rotate": {{ "axis": [1, 1, 0], "angle_degrees": 35, "shape": {{ "cylinder": {{ "center": [0.3, 0.3, 0.3], "radius": 0.15, "height": 0.3 }} }} }} }},
+               "shape": {{ "rotate": {{ "axis": [1, 1, 0], "angle_degrees": 35,
+                   "shape": {{ "cylinder": {{ "center": [0.3, 0.3, 0.3], "radius": 0.15, "height": 0.3 }} }} }} }},
                "motion": {{ "linear_velocity": [0.3, 0.1, 0], "angular_velocity": [0, 1, 2] }} }},
-            {{ "name": "ring", "contact": "slip", "shape": {{ "torus": {{ "center": [0.2, 0.4, 0.5], "major_radius": 0.1, "minor_radius": 0.05 }} }} }},
-            {{ "name": "key", "contact": "sticky", "shape": {{ "sphere": {{ "center": [-0.1, 0.3, 0.4], "radius": 0.1 }} }},
+            {{ "name": "ring", "contact": "slip", "shape": {{ "torus": {{ "center": [0.2, 0.4, 0.5],
+                "major_radius": 0.1, "minor_radius": 0.05 }} }} }},
+            {{ "name": "key", "contact": "sticky", "shape": {{ "sphere": {{ "center": [-0.1, 0.3, 0.4],
+                "radius": 0.1 }} }},
                "motion": {{ "center": [-0.2, 0.3, 0.4], "angular_velocity": [0, 3, 1] }} }},
-            {{ "name": "gone", "contact": "sticky", "until": 0.004, "shape": {{ "box": {{ "min": [0.41, 0.31, 0.15], "max": [0.69, 0.58, 0.31] }} }} }} ],
+            {{ "name": "gone", "contact": "sticky", "until": 0.004,
+                "shape": {{ "box": {{ "min": [0.41, 0.31, 0.15], "max": [0.69, 0.58, 0.31] }} }} }} ],
         "time": {{ "end": 0.1, "frame_rate": 50 }},
         "solver": {{ "kernel": "{kernel}", "transfer": "{transfer}", "integrator": "implicit" }} }}"#
     ));

@@ -13,19 +13,25 @@ fn scene(kernel: &str, transfer: &str) -> Problem {
     common::problem(&format!(
         r#"{{ "gridfall": 1, "name": "implicit",
         "domain": {{ "min": [0, 0, 0], "max": [1, 0.6, 1], "dx": 0.05,
-                     "boundary": {{ "z-": {{ "contact": "separate", "friction": 0.3 }}, "x+": {{ "contact": "slip" }} }} }},
+                     "boundary": {{ "z-": {{ "contact": "separate", "friction": 0.3 }},
+                         "x+": {{ "contact": "slip" }} }} }},
         "materials": {{
             "gum": {{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 }},
-            "tin": {{ "model": "von-mises", "density": 2000, "youngs_modulus": 1e6, "poissons_ratio": 0.3, "yield_stress": 2e4 }} }},
+            "tin": {{ "model": "von-mises", "density": 2000, "youngs_modulus": 1e6, "poissons_ratio": 0.3,
+                "yield_stress": 2e4 }} }},
         "bodies": [
-            {{ "name": "bar", "material": "gum", "sampling": "jittered", "shape": {{ "box": {{ "min": [0.2, 0.2, 0.4], "max": [0.35, 0.35, 0.8] }} }} }},
+            {{ "name": "bar", "material": "gum", "sampling": "jittered",
+                "shape": {{ "box": {{ "min": [0.2, 0.2, 0.4], "max": [0.35, 0.35, 0.8] }} }} }},
             {{ "name": "block", "material": "tin", "sampling": "jittered", "velocity": [1, 0, -0.5],
                "shape": {{ "box": {{ "min": [0.5, 0.2, 0.02], "max": [0.7, 0.35, 0.17] }} }} }} ],
         "colliders": [
-            {{ "name": "grip", "contact": "sticky", "shape": {{ "box": {{ "min": [0.1, 0.1, 0.72], "max": [0.45, 0.45, 0.9] }} }},
-               "motion": {{ "center": [0.275, 0.275, 0.8], "linear_velocity": [0, 0, 0.2], "angular_velocity": [0, 0, 4] }} }} ],
+            {{ "name": "grip", "contact": "sticky", "shape": {{ "box": {{ "min": [0.1, 0.1, 0.72],
+                "max": [0.45, 0.45, 0.9] }} }},
+               "motion": {{ "center": [0.275, 0.275, 0.8], "linear_velocity": [0, 0, 0.2],
+                   "angular_velocity": [0, 0, 4] }} }} ],
         "time": {{ "end": 1, "frame_rate": 24 }},
-        "solver": {{ "kernel": "{kernel}", "transfer": "{transfer}", "integrator": "implicit", "implicit": {{ "tolerance": 1e-8 }} }} }}"#
+        "solver": {{ "kernel": "{kernel}", "transfer": "{transfer}", "integrator": "implicit",
+            "implicit": {{ "tolerance": 1e-8 }} }} }}"#
     ))
 }
 
@@ -76,8 +82,10 @@ fn steps_in_which_particles_go_too_far_are_halved() {
     let problem = common::problem(
         r#"{ "gridfall": 1, "name": "burst", "domain": { "min": [0, 0, 0], "max": [1, 1, 1], "dx": 0.125 },
         "gravity": [0, 0, 0],
-        "materials": { "m": { "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 } },
-        "bodies": [ { "name": "a", "material": "m", "shape": { "box": { "min": [0.375, 0.375, 0.375], "max": [0.625, 0.625, 0.625] } },
+        "materials": { "m": { "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5,
+            "poissons_ratio": 0.3 } },
+        "bodies": [ { "name": "a", "material": "m", "shape": { "box": { "min": [0.375, 0.375, 0.375],
+            "max": [0.625, 0.625, 0.625] } },
                       "deformation_gradient": [[0.5, 0, 0], [0, 0.5, 0], [0, 0, 0.5]] } ],
         "time": { "end": 1, "frame_rate": 10 }, "solver": { "integrator": "implicit" } }"#,
     );
@@ -95,7 +103,8 @@ fn steps_in_which_particles_go_too_far_are_halved() {
 fn sources_emit_what_the_cpu_emits() {
     let problem = common::problem(
         r#"{ "gridfall": 1, "name": "press", "domain": { "min": [0, 0, 0], "max": [0.5, 0.5, 0.5], "dx": 0.0625 },
-        "materials": { "jelly": { "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 } },
+        "materials": { "jelly": { "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e4,
+            "poissons_ratio": 0.3 } },
         "bodies": [],
         "sources": [ { "name": "press", "material": "jelly", "velocity": [0.5, 0, 0], "from": 0.05, "until": 0.14,
                        "shape": { "sphere": { "center": [0.25, 0.25, 0.3], "radius": 0.08 } } } ],

@@ -1,5 +1,5 @@
-//! A particle that shares no node with another is reset at the frame's end, on both engines; nothing else is, and the step is planned
-//! for the stiffness that a deformation brings.
+//! A particle that shares no node with another is reset at the frame's end, on both engines;
+//! nothing else is, and the step is planned for the stiffness that a deformation brings.
 
 use gridfall_core::sim::diagnostics::Row;
 use gridfall_core::sim::particles::Particles;
@@ -10,16 +10,21 @@ use gridfall_scene::estimate::estimate;
 
 use crate::common;
 
-/// A lone, stretched, sheared, spinning particle and a block at rest; a pair of particles that hold on to each other by their corners.
+/// A lone, stretched, sheared, spinning particle and a block at rest; a pair of particles that hold
+/// on to each other by their corners.
 fn scene(kernel: &str, model: &str) -> Problem {
     common::problem(&format!(
         r#"{{ "gridfall": 1, "name": "alone", "domain": {{ "min": [0,0,0], "max": [1,1,1], "dx": 0.0625 }},
         "materials": {{ "m": {{ "model": "{model}", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 }} }},
         "bodies": [
-            {{ "name": "lone", "material": "m", "particles_per_cell": 1, "shape": {{ "box": {{ "min": [0.75,0.75,0.75], "max": [0.8125,0.8125,0.8125] }} }},
-               "velocity": [0.3, -0.2, 0.1], "angular_velocity": [1, 2, 3], "deformation_gradient": [[1.1,0.05,0],[0,0.95,0],[0,0,1.02]] }},
-            {{ "name": "block", "material": "m", "shape": {{ "box": {{ "min": [0.25,0.25,0.25], "max": [0.375,0.375,0.375] }} }} }},
-            {{ "name": "pair", "material": "m", "particles_per_cell": 1, "deformation_gradient": [[1.01,0,0],[0,1,0],[0,0,1]],
+            {{ "name": "lone", "material": "m", "particles_per_cell": 1,
+                "shape": {{ "box": {{ "min": [0.75,0.75,0.75], "max": [0.8125,0.8125,0.8125] }} }},
+               "velocity": [0.3, -0.2, 0.1], "angular_velocity": [1, 2, 3],
+                   "deformation_gradient": [[1.1,0.05,0],[0,0.95,0],[0,0,1.02]] }},
+            {{ "name": "block", "material": "m", "shape": {{ "box": {{ "min": [0.25,0.25,0.25],
+                "max": [0.375,0.375,0.375] }} }} }},
+            {{ "name": "pair", "material": "m", "particles_per_cell": 1,
+                "deformation_gradient": [[1.01,0,0],[0,1,0],[0,0,1]],
                "shape": {{ "box": {{ "min": [0.625,0.25,0.25], "max": [0.75,0.3125,0.3125] }} }} }} ],
         "time": {{ "end": 0.04, "frame_rate": 50 }}, "solver": {{ "kernel": "{kernel}" }} }}"#
     ))
@@ -66,14 +71,17 @@ fn a_lone_particle_is_reset_on_both_engines() {
     }
 }
 
-/// Water at seven tenths of its volume is fifteen times as stiff as at rest: the plan knows, and the burst stays bounded.
+/// Water at seven tenths of its volume is fifteen times as stiff as at rest: the plan knows, and
+/// the burst stays bounded.
 #[test]
 fn the_step_follows_the_stiffness_of_the_present_deformation() {
     let problem = |j: f64| {
         common::problem(&format!(
             r#"{{ "gridfall": 1, "name": "burst", "domain": {{ "min": [0,0,0], "max": [1,1,1], "dx": 0.0625 }},
-            "materials": {{ "water": {{ "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1e5 }} }},
-            "bodies": [ {{ "name": "drop", "material": "water", "J": {j}, "shape": {{ "sphere": {{ "center": [0.5,0.5,0.5], "radius": 0.2 }} }} }} ],
+            "materials": {{ "water": {{ "model": "weakly-compressible-fluid", "density": 1000,
+                "bulk_modulus": 1e5 }} }},
+            "bodies": [ {{ "name": "drop", "material": "water", "J": {j},
+                "shape": {{ "sphere": {{ "center": [0.5,0.5,0.5], "radius": 0.2 }} }} }} ],
             "time": {{ "end": 0.02, "frame_rate": 200 }} }}"#
         ))
     };

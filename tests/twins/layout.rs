@@ -50,7 +50,8 @@ fn shared_structs_agree() {
     twin!(m, Pose: r0, r1, r2, linear, angular, center);
     twin!(m, Work: block, start, count, unused);
     let m = parse("implicit/boundary");
-    twin!(m, implicit, Params: blocks, particles, cells, dx, gravity, dt, pad, capacity, periodic, colliders, room, stride, rows,
+    twin!(m, implicit, Params: blocks, particles, cells, dx, gravity, dt, pad, capacity, periodic, colliders, room,
+        stride, rows,
         mass_floor, walls);
     twin!(m, implicit, Report: error, error_particle, max_shift, max_speed, blocks, rows, separating, released,
         rubbing, spare0, spare1, spare2);

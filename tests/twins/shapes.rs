@@ -1,4 +1,5 @@
-//! The GPU's signed distances and normals are the CPU's: every shape as a slippery collider in a body with random velocities.
+//! The GPU's signed distances and normals are the CPU's: every shape as a slippery collider in a
+//! body with random velocities.
 
 use std::collections::BTreeMap;
 
@@ -28,7 +29,8 @@ fn shapes() -> Vec<(&'static str, Value)> {
         ("cone", json!({ "cone": { "base": [0.1, -0.1, -0.3], "axis": [-1, 1, 3], "radius": 0.3, "height": 0.6 } })),
         (
             "truncated cone",
-            json!({ "cone": { "base": [0, 0, -0.2], "axis": [1, 1, 3], "radius": 0.1, "top_radius": 0.3, "height": 0.5 } }),
+            json!({ "cone": { "base": [0, 0, -0.2], "axis": [1, 1, 3], "radius": 0.1, "top_radius": 0.3,
+                "height": 0.5 } }),
         ),
         (
             "torus",
@@ -61,11 +63,13 @@ fn problem(shape: &Value) -> Problem {
         &json!({
             "gridfall": 1, "name": "shapes",
             "domain": { "min": [-0.4, 0.2, 0], "max": [0.6, 1.2, 1], "dx": 0.0625 },
-            "materials": { "m": { "model": "neo-hookean", "density": 1000, "youngs_modulus": 1, "poissons_ratio": 0.3 } },
+            "materials": { "m": { "model": "neo-hookean", "density": 1000, "youngs_modulus": 1,
+                "poissons_ratio": 0.3 } },
             "bodies": [ { "name": "b", "material": "m", "sampling": "jittered",
                           "shape": { "box": { "min": [-0.4, 0.2, 0], "max": [0.6, 1.2, 1] } } } ],
             "colliders": [ { "name": "c", "contact": "slip", "shape": turned,
-                             "motion": { "center": [0.1, 0.7, 0.5], "linear_velocity": [0.1, 0.2, -0.3], "angular_velocity": [1, -1, 2] } } ],
+                             "motion": { "center": [0.1, 0.7, 0.5], "linear_velocity": [0.1, 0.2, -0.3],
+                                 "angular_velocity": [1, -1, 2] } } ],
             "time": { "end": 1 },
         })
         .to_string(),

@@ -14,8 +14,8 @@ use super::scenes::permit;
 use super::state::Api;
 use gridfall_scene::assets::examine;
 
-/// Uploads a mesh (STL, OBJ, PLY or glTF in one file) or particles (PLY or npz). Its id is that of its bytes: the same file twice is
-/// one asset. Scenes name it as `{"mesh": {"asset": "sha256:…"}}` or a body's `"points": {"asset": "sha256:…"}`.
+/// Uploads a mesh (STL, OBJ, PLY or glTF in one file) or particles (PLY or npz). Its id is that of
+/// its bytes: the same file twice is one asset. Scenes name it as `{"mesh": {"asset": "sha256:…"}}` or a body's `"points": {"asset": "sha256:…"}`.
 #[utoipa::path(put, path = "/v1/assets", tag = "assets",
     request_body(content = dto::Bytes, content_type = "application/octet-stream"),
     responses(

@@ -23,8 +23,8 @@ use super::state::Api;
 use crate::store::{JobFiles, Status};
 use gridfall_recording::{self as recording, RecordingError};
 
-/// The recording (MCAP). Of a job that has ended: the file, by ranges if asked. Of a running one: a complete recording of
-/// the frames so far.
+/// The recording (MCAP). Of a job that has ended: the file, by ranges if asked. Of a running one: a
+/// complete recording of the frames so far.
 #[utoipa::path(get, path = "/v1/jobs/{id}/recording.mcap", tag = "outputs",
     params(
         ("id" = Uuid, Path),
@@ -109,8 +109,8 @@ pub async fn thumbnail(
     file.send(&method, &headers).await?.ok_or_else(|| missing("thumbnail", status))
 }
 
-/// Energies, momenta, mass and time steps, one row a frame; with `per=step` how the implicit integrator fared, one row a step (none for an
-/// explicit run). Those of a running job so far.
+/// Energies, momenta, mass and time steps, one row per frame. With `per=step`: how the implicit
+/// integrator fared, one row per step (none for an explicit run). Of a running job: those so far.
 #[utoipa::path(get, path = "/v1/jobs/{id}/diagnostics", tag = "outputs",
     params(("id" = Uuid, Path), DiagnosticsQuery),
     responses(

@@ -13,8 +13,8 @@ pub struct Implicit {
     pub levels: u32,
     pub smoother: Smoother,
     pub coarse_solve: CoarseSolve,
-    /// Whether the L-BFGS methods make their model of the Hessian anew within a step, after 2 and 5 iterations while far from the tolerance, and every 16; as published they
-    /// make it once a step.
+    /// Whether the L-BFGS methods rebuild their model of the Hessian within a step: after 2 and 5
+    /// iterations while far from the tolerance, and every 16. As published they build it once per step.
     pub rebuild: bool,
     /// A step ends unconverged after so many outer iterations, which the diagnostics say.
     pub max_iterations: u32,

@@ -132,8 +132,9 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         std::mem::take(&mut self.blocks)
     }
 
-    /// Builds blocks, chunks and node tables from places. `bodies` is by index in sampling order. `fill` writes the state of the particle
-    /// at a place of `source` to a lane of a chunk; after a part of the places has been built, `source` is told.
+    /// Builds blocks, chunks and node tables from places. `bodies` is by index in sampling order.
+    /// `fill` writes the state of the particle at a place of `source` to a lane of a chunk; after a
+    /// part of the places has been built, `source` is told.
     pub(super) fn place<S: Sync>(
         &mut self,
         mut places: Vec<Place>,

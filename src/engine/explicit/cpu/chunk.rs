@@ -1,5 +1,5 @@
-//! Particle storage: structures of arrays of a fixed number of lanes, so that arithmetic on particles is vectorised and a
-//! block's particles are contiguous.
+//! Particle storage: structures of arrays of a fixed number of lanes, so that arithmetic on
+//! particles is vectorised and a block's particles are contiguous.
 
 use gridfall_core::maths::linalg::{Matrix, Vector, apply};
 use gridfall_core::maths::real::Real;
@@ -16,7 +16,8 @@ pub type Lanes<T> = [T; LANES];
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub struct Chunk<T, const D: usize> {
-    /// Position in units of dx from the block's node 0: small numbers, so that f32 resolves slow motion in large domains.
+    /// Position in units of dx from the block's node 0: small numbers, so that f32 resolves slow
+    /// motion in large domains.
     pub x: [Lanes<T>; D],
     pub v: [Lanes<T>; D],
     /// B = ½ Σ_s Σ_i w v_i (x_i − x_p)ᵀ / dx (m/s).

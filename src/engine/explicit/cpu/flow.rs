@@ -1,6 +1,8 @@
-//! Return maps and stresses of the laws in principal space: one decomposition F = U Σ Vᵀ a particle and step serves both.
+//! Return maps and stresses of the laws in principal space: one decomposition F = U Σ Vᵀ a particle
+//! and step serves both.
 //!
-//! In: trial states of a chunk's particles, after F's update. Out: states on or inside the yield surface, and τ there. One thread a block.
+//! In: trial states of a chunk's particles, after F's update. Out: states on or inside the yield
+//! surface, and τ there. One thread a block.
 
 use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, State, matrix, set_matrix};
 use gridfall_core::material::Law;
@@ -23,9 +25,14 @@ const SWEEPS: usize = 8;
 const FLAT: f64 = 1e-2;
 
 widest! {
-    /// Moves the particles of a chunk back to their yield surfaces; `tau` becomes their Kirchhoff stress (Pa). Returns the largest ratio of
-    /// a particle's stiffness to that at rest. The chunk's law must work in principal space.
-    pub fn flow[T: Real, const D: usize][T, D](law: &Law<T>, chunk: &mut Chunk<T, D>, tau: &mut MatrixLanes<T, D>) -> T {
+    /// Moves the particles of a chunk back to their yield surfaces; `tau` becomes their Kirchhoff
+    /// stress (Pa). Returns the largest ratio of a particle's stiffness to that at rest. The
+    /// chunk's law must work in principal space.
+    pub fn flow[T: Real, const D: usize][T, D](
+        law: &Law<T>,
+        chunk: &mut Chunk<T, D>,
+        tau: &mut MatrixLanes<T, D>,
+    ) -> T {
         let State::Solid { f: deformation, plastic } = &mut chunk.state else {
             unreachable!("fluids do not flow in principal space");
         };
@@ -66,7 +73,8 @@ widest! {
     }
 }
 
-/// One-sided Jacobi (see [`svd`]) in step, so that the loops over lanes are vectorised. Right for F with det F > 0 that are not flat.
+/// One-sided Jacobi (see [`svd`]) in step, so that the loops over lanes are vectorised. Right for F
+/// with det F > 0 that are not flat.
 #[inline(always)]
 fn decompose<T: Real, const D: usize>(f: &MatrixLanes<T, D>) -> Spectra<T, D> {
     let mut c = *f;

@@ -136,8 +136,8 @@ pub(super) fn gather_lane<T: Real, const D: usize, const G: usize, const W: usiz
 }
 
 widest! {
-    /// F ← (I + dt ∇v) F, or a fluid's J ← (1 + dt tr ∇v) J; x ← x + dt v. `inside` bounds positions (dx, relative to the
-    /// block).
+    /// F ← (I + dt ∇v) F, or a fluid's J ← (1 + dt tr ∇v) J; x ← x + dt v. `inside` bounds
+    /// positions (dx, relative to the block).
     pub fn advance[T: Real, const D: usize][T, D](
         constants: &Constants<T, D>,
         chunk: &mut Chunk<T, D>,

@@ -1,9 +1,11 @@
-//! Particles that share no node with another, and their reset (Bai & Schroeder §5): alone, a particle oscillates against its own nodes, and
-//! steps of varying length can feed that without bound. So at every frame boundary, where the step may change,
-//! F ← I (a fluid's J ← 1) and C ← a rigid rotation `[ω]`; position, velocity and angular momentum stay.
+//! Particles that share no node with another, and their reset (Bai & Schroeder §5): alone, a
+//! particle oscillates against its own nodes, and steps of varying length can feed that without
+//! bound. So at every frame boundary, where the step may change, F ← I (a fluid's J ← 1) and C ← a
+//! rigid rotation `[ω]`; position, velocity and angular momentum stay.
 //!
-//! The paper takes the skew part of C. Where D is not a multiple of I (compact kernel) that is not the rotation with the particle's angular
-//! momentum L_k = ε_kij B_ji (per mass); B = `[ω]` D has it for (tr D I − D) ω = L.
+//! The paper takes the skew part of C. Where D is not a multiple of I (compact kernel) that is not
+//! the rotation with the particle's angular momentum L_k = ε_kij B_ji (per mass); B = `[ω]` D has
+//! it for (tr D I − D) ω = L.
 
 use super::chunk::{Chunk, LANES, Lanes, State, Stencils, matrix, set_matrix};
 use super::g2p::gather_lane;
@@ -13,8 +15,8 @@ use gridfall_core::maths::linalg::{Matrix, apply, cofactor, det, scaled_identity
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::kernel::ShapeFunction;
 
-/// Others may add this share to Σ w m_i before a particle counts as accompanied: what they contribute below is no support, and f32 sums
-/// are good to less. Twin: `ALONE` in wgsl/g2p.wgsl.
+/// Others may add this share to Σ w m_i before a particle counts as accompanied: what they
+/// contribute below is no support, and f32 sums are good to less. Twin: `ALONE` in wgsl/g2p.wgsl.
 pub const ALONE: f64 = 1e-4;
 
 /// Which particles of a chunk have their nodes to themselves, by the masses in the tile that they gather from.

@@ -1,4 +1,5 @@
-//! Particle states on their way from f64 in scene coordinates to the chunks: in the simulation's scalar, relative to their blocks.
+//! Particle states on their way from f64 in scene coordinates to the chunks: in the simulation's
+//! scalar, relative to their blocks.
 
 use super::chunk::{Chunk, State, set_matrix};
 use super::simulation::Constants;
@@ -20,7 +21,8 @@ pub struct Narrow<T, const D: usize> {
 }
 
 impl<T: Real, const D: usize> Narrow<T, D> {
-    /// `local` takes a position (m) to its block. Each array takes the place of the one that it is made from: `collect` works in place.
+    /// `local` takes a position (m) to its block. Each array takes the place of the one that it is
+    /// made from: `collect` works in place.
     pub fn new(
         particles: Particles,
         constants: &Constants<T, D>,

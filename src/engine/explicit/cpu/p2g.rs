@@ -1,4 +1,5 @@
-//! Particles to grid: m_i = Σ w m, p_i = Σ w m (v + C (x_i − x_p)) + dt f_i, per grid of the dual pair (CK-MPM, eqs. 15–22).
+//! Particles to grid: m_i = Σ w m, p_i = Σ w m (v + C (x_i − x_p)) + dt f_i, per grid of the dual
+//! pair (CK-MPM, eqs. 15–22).
 //!
 //! C = B D(x)⁻¹ at the particle's new position. Force: −V0 τ D⁻¹ (x_i − x_p) w (MLS) or −V0 τ ∇w (APIC, PIC).
 //! In: particles of a block. Out: its tile. One thread a block.
@@ -33,7 +34,8 @@ widest! {
             for i in 0..D {
                 for k in 0..D {
                     pull[i][k] *= -impulse;
-                    moment[i][k] = body.mass * moment[i][k] + if constants.gradient_form { T::ZERO } else { pull[i][k] };
+                    let force = if constants.gradient_form { T::ZERO } else { pull[i][k] };
+                    moment[i][k] = body.mass * moment[i][k] + force;
                 }
             }
             set_matrix(&mut affine, l, &stencils.times_inverse_moment::<K>(&moment, l));
@@ -115,7 +117,8 @@ fn scatter_lane<T: Real, const D: usize, const G: usize, const W: usize, const G
 }
 
 widest! {
-    /// Kirchhoff stress τ (Pa) of the particles of a chunk. Returns the largest ratio of a particle's stiffness to that at rest.
+    /// Kirchhoff stress τ (Pa) of the particles of a chunk. Returns the largest ratio of a
+    /// particle's stiffness to that at rest.
     pub fn stress[T: Real, const D: usize][T, D](law: &Law<T>, chunk: &Chunk<T, D>, tau: &mut MatrixLanes<T, D>) -> T {
         let mut stiffening = [T::ONE; LANES];
         match (law, &chunk.state) {

@@ -102,8 +102,8 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         simulation
     }
 
-    /// Replaces all particle states, and bins. What `particles` holds is given up piece by piece, as soon as it is stored in the
-    /// simulation's scalar: at no time are there two copies.
+    /// Replaces all particle states, and bins. What `particles` holds is given up piece by piece,
+    /// as soon as it is stored in the simulation's scalar: at no time are there two copies.
     pub fn load(&mut self, particles: Particles) {
         let (origin, dx) = (self.setup.origin, self.setup.dx);
         let (cell, period) = (self.constants.layout.cell, self.constants.period);
@@ -219,8 +219,8 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         self.step_blocks(dt_s, true, false)
     }
 
-    /// [`Self::g2p`] and the next step's [`Self::p2g`] while a block's particles are in cache. If particles strayed from
-    /// their tiles, these are not usable: bin, then P2G.
+    /// [`Self::g2p`] and the next step's [`Self::p2g`] while a block's particles are in cache. If
+    /// particles strayed from their tiles, these are not usable: bin, then P2G.
     pub fn g2p2g(&mut self, dt_s: f64) -> Moves<T> {
         self.step_blocks(dt_s, true, true)
     }

@@ -86,7 +86,7 @@ impl Run<'_> {
         }
         solve.residual = residual(&at);
         let mut progress = Progress::new(NOISE, solve.residual);
-        // A failure is mostly rounding here, which no model of the Hessian mends.
+        // Unlike the CPU, a failed line search strengthens the smoothers without a rebuild first.
         let &Implicit { tolerance, rebuild, .. } = settings;
         let mut lifetime = Lifetime::new(Rules { tolerance, with_age: rebuild, after_failure: false });
         let mut stretch = 1.0;

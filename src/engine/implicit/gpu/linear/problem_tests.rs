@@ -27,12 +27,17 @@ pub fn scene(kernel: Kernel, periodic: bool, stiff_pa: f64) -> Problem {
         if periodic { (r#""y": "periodic""#, 0.8) } else { (r#""y-": { "contact": "slip" }"#, 0.35) };
     let json = format!(
         r#"{{ "gridfall": 1, "name": "slab", "dimension": 3,
-        "domain": {{ "min": [0, 0, 0], "max": [1.6, 0.8, 0.8], "dx": 0.1, "boundary": {{ "z-": {{ "contact": "slip" }}, {boundary} }} }},
-        "materials": {{ "soft": {{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 }},
-                        "stiff": {{ "model": "neo-hookean", "density": 2000, "youngs_modulus": {stiff_pa}, "poissons_ratio": 0.4 }} }},
+        "domain": {{ "min": [0, 0, 0], "max": [1.6, 0.8, 0.8], "dx": 0.1,
+             "boundary": {{ "z-": {{ "contact": "slip" }}, {boundary} }} }},
+        "materials": {{ "soft": {{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5,
+             "poissons_ratio": 0.3 }},
+                        "stiff": {{ "model": "neo-hookean", "density": 2000, "youngs_modulus": {stiff_pa},
+             "poissons_ratio": 0.4 }} }},
         "bodies": [
-          {{ "name": "a", "material": "soft", "sampling": "jittered", "shape": {{ "box": {{ "min": [0.5, 0, 0], "max": [0.7, {width}, 0.15] }} }} }},
-          {{ "name": "b", "material": "stiff", "sampling": "jittered", "shape": {{ "box": {{ "min": [0.7, 0, 0.05], "max": [0.9, {width}, 0.2] }} }} }} ],
+          {{ "name": "a", "material": "soft", "sampling": "jittered",
+             "shape": {{ "box": {{ "min": [0.5, 0, 0], "max": [0.7, {width}, 0.15] }} }} }},
+          {{ "name": "b", "material": "stiff", "sampling": "jittered",
+             "shape": {{ "box": {{ "min": [0.7, 0, 0.05], "max": [0.9, {width}, 0.2] }} }} }} ],
         "time": {{ "end": 1, "frame_rate": 10 }},
         "solver": {{ "integrator": "implicit", "kernel": "{kernel}", "transfer": "apic", "precision": "f64" }} }}"#,
     );
