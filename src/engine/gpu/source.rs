@@ -41,7 +41,10 @@ fn find<'a>(files: &[(&str, &'a str)], name: &str) -> Option<&'a str> {
 /// Names in the `uses` lines of a text's opening comment.
 fn uses(text: &str) -> impl Iterator<Item = &str> {
     let head = text.lines().take_while(|line| line.starts_with("//"));
-    head.filter_map(|line| line.strip_prefix("// uses ")).flat_map(|names| names.split(',')).map(str::trim)
+    head.filter_map(|line| line.strip_prefix("// uses "))
+        .flat_map(|names| names.split(','))
+        .map(str::trim)
+        .filter(|name| !name.is_empty())
 }
 
 struct Composition<'a> {
