@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod bookkeeping;
 mod explicit;
 mod frames;
 mod implicit;

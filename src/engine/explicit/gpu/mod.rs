@@ -3,8 +3,10 @@
 //! `layout` holds the twins of shader structs, `buffers` says what device memory there is, `upload`
 //! turns a setup and its particles into device data, `stages` lists the dispatches of a frame,
 //! `engine` runs frames and answers for overflow and re-planning, `failure` for errors, `readback`
-//! brings states home, and `staged` stops between the stages of a step.
+//! brings states home, and `staged` stops between the stages of a step, so that they and the
+//! `bookkeeping` can be looked at.
 
+mod bookkeeping;
 mod buffers;
 #[cfg(test)]
 mod derivative_tests;
@@ -19,6 +21,7 @@ pub mod stages;
 pub mod timing;
 pub(crate) mod upload;
 
+pub use bookkeeping::{Blocks, Bookkeeping};
 pub use engine::GpuEngine;
 pub use readback::GridNode;
 pub use staged::Staged;

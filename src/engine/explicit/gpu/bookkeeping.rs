@@ -1,0 +1,68 @@
+//! Blocks, bins and work items as the device has them, for comparison with what the host makes of
+//! the particles.
+
+use super::buffers::Buffers;
+use super::layout::{self, BLOCK_NODES, NODE_CHANNELS, Params, Report, Work};
+use crate::contract::EngineError;
+use crate::gpu::Gpu;
+
+/// Which blocks of a side are active.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Blocks {
+    /// By block of the dense table: its slot + 1, or 0.
+    pub table: Vec<u32>,
+    /// By slot: its block.
+    pub list: Vec<u32>,
+}
+
+/// What the next stage would find.
+#[derive(Clone, Debug)]
+pub struct Bookkeeping {
+    pub params: Params,
+    pub report: Report,
+    /// Numbers of workgroups, in the order of [`layout::Groups`].
+    pub dispatches: Vec<[u32; 4]>,
+    /// Of the side whose grid was filled last.
+    pub blocks: Blocks,
+    /// Of the other side.
+    pub blocks_before: Blocks,
+    /// By slot: where its bin starts; 0 without particles.
+    pub bins: Vec<u32>,
+    pub work: Vec<Work>,
+    /// Slot and rank in its bin of every particle: by id at a frame's start, by place in
+    /// `positions` after a step.
+    pub destinations: Vec<[u32; 2]>,
+    /// By place in the bins: a place in `positions`.
+    pub list: Vec<u32>,
+    /// Offset in the block (cells, f32 bits), and id.
+    pub positions: Vec<[u32; 4]>,
+    /// By slot, grid, channel (mass and momentum) and node.
+    pub grid: Vec<i32>,
+}
+
+/// Reads it, with `side` filled last.
+pub fn read(gpu: &Gpu, b: &Buffers, params: &Params, side: usize) -> Result<Bookkeeping, EngineError> {
+    let blocks = blocks(gpu, b, side)?;
+    let report: Report = b.memory.read(gpu, "report", 1)?[0];
+    let active = blocks.list.len();
+    Ok(Bookkeeping {
+        params: *params,
+        dispatches: b.memory.read(gpu, "dispatches", layout::DISPATCHES)?,
+        blocks_before: self::blocks(gpu, b, 1 - side)?,
+        bins: b.memory.read(gpu, "bins", active)?,
+        work: b.memory.read(gpu, "work", report.work_count as usize)?,
+        destinations: b.memory.read(gpu, "destinations", b.live)?,
+        list: b.memory.read(gpu, "list", b.live)?,
+        positions: gpu.read(b.memory.of_side("position_in", side), b.live)?,
+        grid: gpu.read(b.memory.of_side("grid_in", side), active * b.counts.grids * BLOCK_NODES * NODE_CHANNELS)?,
+        blocks,
+        report,
+    })
+}
+
+fn blocks(gpu: &Gpu, b: &Buffers, side: usize) -> Result<Blocks, EngineError> {
+    let list: Vec<u32> = gpu.read(b.memory.of_side("blocks_in", side), b.counts.capacity + 1)?;
+    let active = (list[0] as usize).min(b.counts.capacity);
+    let table = gpu.read(b.memory.of_side("table_in", side), b.counts.table)?;
+    Ok(Blocks { table, list: list[1..=active].to_vec() })
+}
