@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use super::contract::{Engine, EngineError};
-use crate::implicit::engine::ImplicitEngine;
 use crate::explicit::cpu::CpuEngine;
 use crate::explicit::gpu::{GpuEngine, supports};
 use crate::gpu::Gpu;
+use crate::implicit::engine::ImplicitEngine;
 use crate::implicit::gpu as implicit;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::{Integrator, Setup};
