@@ -4,10 +4,12 @@
 mod common;
 
 mod bookkeeping;
+mod claims;
 mod explicit;
 mod frames;
 mod implicit;
 mod implicit_frames;
+mod implicit_order;
 mod isolated;
 mod layout;
 mod shapes;

@@ -12,5 +12,5 @@ pub mod stages;
 mod step;
 
 pub use engine::supports;
-pub use readback::{NodeReading, SystemReading};
+pub use readback::{NodeReading, ParticleReading, SortReading, SystemReading};
 pub use step::DeviceStep;

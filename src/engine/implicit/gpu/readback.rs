@@ -1,6 +1,7 @@
 //! Grid, system and objective as the device has them, for comparison with the CPU.
 
 use super::interface::{Evaluate, slots};
+use super::layout::Params;
 use super::step::DeviceStep;
 use crate::contract::EngineError;
 use crate::implicit::solver::objective::{Freedom, NodeId};
@@ -35,7 +36,60 @@ pub struct SystemReading {
     pub blocks: Vec<Vec<[[f64; 3]; 3]>>,
 }
 
+/// Particles in some order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParticleReading {
+    /// Offset in the block (cells, f32 bits), and block.
+    pub positions: Vec<[u32; 4]>,
+    /// Id and body.
+    pub tags: Vec<[u32; 2]>,
+    /// By particle: v, B, F and, if any law has one, the plastic state, as f32 bits.
+    pub states: Vec<Vec<u32>>,
+}
+
+/// Blocks and particles of a step that has begun.
+#[derive(Clone, Debug)]
+pub struct SortReading {
+    pub params: Params,
+    /// By block of the dense table: its slot + 1, or 0.
+    pub table: Vec<u32>,
+    /// By slot: its block.
+    pub blocks: Vec<u32>,
+    /// Particles by cell of a slot.
+    pub counts: Vec<u32>,
+    /// The first particle of a cell, and one more.
+    pub starts: Vec<u32>,
+    pub before: ParticleReading,
+    pub sorted: ParticleReading,
+}
+
 impl DeviceStep {
+    /// What the sort at a step's beginning has made of blocks and particles.
+    pub fn sorting(&self) -> Result<SortReading, EngineError> {
+        let (counts, memory) = (&self.buffers.counts, &self.buffers.memory);
+        let cells = counts.capacity * counts.cells();
+        Ok(SortReading {
+            params: self.params,
+            table: memory.read(&self.gpu, "table", counts.table)?,
+            blocks: memory.read(&self.gpu, "block_list", self.buffers.blocks)?,
+            counts: memory.read(&self.gpu, "counts", cells)?,
+            starts: memory.read(&self.gpu, "starts", cells + 1)?,
+            before: self.listed(["position_in", "tag_in", "state_in"])?,
+            sorted: self.listed(["position", "tag", "state"])?,
+        })
+    }
+
+    fn listed(&self, [position, tag, state]: [&str; 3]) -> Result<ParticleReading, EngineError> {
+        let (n, memory) = (self.buffers.live, &self.buffers.memory);
+        let (room, channels) = (self.buffers.counts.particles, self.buffers.counts.channels);
+        let values: Vec<u32> = memory.read(&self.gpu, state, channels * room)?;
+        Ok(ParticleReading {
+            positions: memory.read(&self.gpu, position, n)?,
+            tags: memory.read(&self.gpu, tag, n)?,
+            states: (0..n).map(|at| (0..channels).map(|k| values[k * room + at]).collect()).collect(),
+        })
+    }
+
     /// The nodes that particles touch. `ended`: after the step's end.
     pub fn nodes(&self, ended: bool) -> Result<Vec<NodeReading>, EngineError> {
         let grids = self.buffers.counts.grids();

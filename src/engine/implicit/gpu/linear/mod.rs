@@ -17,6 +17,8 @@ mod minimiser_tests;
 mod operator_tests;
 #[cfg(test)]
 mod problem_tests;
+#[cfg(test)]
+mod search_tests;
 mod smoother;
 pub mod stages;
 

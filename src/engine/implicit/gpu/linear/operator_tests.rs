@@ -1,6 +1,8 @@
 //! Every operator of the V-cycle against dense f64 matrices, with planted errors, for both kernels,
 //! with sliding nodes and around a period.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen};
 use rand::{SeedableRng, rngs::StdRng};
 
@@ -156,12 +158,9 @@ fn inverse_diagonals_and_spectra() {
     each_case(|tools, sample, rng| {
         let t = twin(tools, sample, &Implicit::default());
         for (level, a) in t.hierarchy.levels.iter().zip(&t.matrices) {
-            let (n, stride) = (level.shape.rows as usize, level.shape.stride as usize);
-            let inverse: Vec<f32> = level.memory.read(tools.gpu, "inverse", 6 * stride).unwrap();
+            let n = level.shape.rows as usize;
             let mut scaled = a.clone();
-            for i in 0..n {
-                let at = |k: usize| f64::from(inverse[k * stride + i]);
-                let d = Matrix3::new(at(0), at(1), at(2), at(1), at(3), at(4), at(2), at(4), at(5));
+            for (i, d) in inverses(tools.gpu, level).into_iter().enumerate() {
                 let block: Matrix3<f64> = a.fixed_view::<3, 3>(3 * i, 3 * i).into();
                 let error = (d * block - Matrix3::identity()).amax();
                 let eigen = block.symmetric_eigenvalues();
@@ -187,10 +186,20 @@ fn inverse_diagonals_and_spectra() {
     });
 }
 
+/// D⁻¹ by node, as the device has it.
+fn inverses(gpu: &Gpu, level: &Level) -> Vec<Matrix3<f64>> {
+    let (n, stride) = (level.shape.rows as usize, level.shape.stride as usize);
+    let values: Vec<f32> = level.memory.read(gpu, "inverse", 6 * stride).unwrap();
+    let inverse = |i: usize| {
+        let at = |k: usize| f64::from(values[k * stride + i]);
+        Matrix3::new(at(0), at(1), at(2), at(1), at(3), at(4), at(2), at(4), at(5))
+    };
+    (0..n).map(inverse).collect()
+}
+
 /// The polynomial in f64: x after `steps` steps from `x`, with the level's coefficients.
 fn chebyshev(tools: Tools, level: &Level, a: &DMatrix<f64>, b: &DVector<f64>, x: &DVector<f64>) -> DVector<f64> {
-    let (n, stride) = (level.shape.rows as usize, level.shape.stride as usize);
-    let inverse: Vec<f32> = level.memory.read(tools.gpu, "inverse", 6 * stride).unwrap();
+    let (n, inverse) = (level.shape.rows as usize, inverses(tools.gpu, level));
     let words: Vec<[f32; 4]> = level.memory.read(tools.gpu, "coefficients", (SLOT / 16) as usize * 64).unwrap();
     let (lambda, range) = (f64::from(words[0][2]), f64::from(level.shape.range));
     let (theta, delta) = (0.5 * lambda * (1.0 + 1.0 / range), 0.5 * lambda * (1.0 - 1.0 / range));
@@ -198,10 +207,8 @@ fn chebyshev(tools: Tools, level: &Level, a: &DMatrix<f64>, b: &DVector<f64>, x:
     for k in 0..level.shape.degree {
         let r = b - a * &x;
         let mut z = r.clone();
-        for i in 0..n {
-            let at = |k: usize| f64::from(inverse[k * stride + i]);
-            let block = Matrix3::new(at(0), at(1), at(2), at(1), at(3), at(4), at(2), at(4), at(5));
-            z.rows_mut(3 * i, 3).copy_from(&(block * r.rows(3 * i, 3)));
+        for (i, d) in inverse.iter().enumerate() {
+            z.rows_mut(3 * i, 3).copy_from(&(d * r.rows(3 * i, 3)));
         }
         if k == 0 {
             d = z / theta;
@@ -269,6 +276,57 @@ fn products_transfers_and_smoothers() {
         let expected = chebyshev(tools, coarsest, a, &b, &DVector::zeros(3 * n));
         let error = distance(&read_field(gpu, coarsest.x(at), stride, n), &expected);
         assert!(error < 10.0 * ROUNDING, "coarse solve off by {error:e}");
+    });
+}
+
+/// Nodes by colour: those of one do not share a block of the matrix.
+fn by_colour(gpu: &Gpu, level: &Level) -> Vec<Vec<usize>> {
+    let (fine, apart) = if level.shape.grids == 2 { (2, 4) } else { (1, 3) };
+    let counts = level.shape.period.map(|cells| match fine * cells {
+        0 => apart,
+        around => (apart..=around).find(|n| around % n == 0).unwrap(),
+    });
+    let mut colours: BTreeMap<[i32; 3], Vec<usize>> = BTreeMap::new();
+    for (i, id) in ids(gpu, level).into_iter().enumerate() {
+        let colour = [0, 1, 2].map(|a| (fine * id.index[a] - i32::from(id.grid)).rem_euclid(counts[a]));
+        colours.entry(colour).or_default().push(i);
+    }
+    colours.into_values().collect()
+}
+
+#[test]
+fn sweeps_are_gauss_seidels() {
+    each_case(|tools, sample, rng| {
+        let gpu = tools.gpu;
+        let sweeps = smoother::Smoothing { kind: Smoother::GaussSeidel };
+        let t = twin(tools, sample, &Implicit { smoother: sweeps.kind, ..Implicit::default() });
+        for (level, a) in t.hierarchy.levels.iter().zip(&t.matrices) {
+            let (n, stride) = (level.shape.rows as usize, level.shape.stride as usize);
+            let [b, x] = [random(3 * n, rng), random(3 * n, rng)];
+            write_field(gpu, level.get("b"), stride, &b);
+            write_field(gpu, level.x(0), stride, &x);
+            let mut list = Dispatches::default();
+            let at = sweeps.smooth(&mut list, tools, level, 0, false).unwrap();
+            list.submit(gpu).unwrap();
+            let found = read_field(gpu, level.x(at), stride, n);
+            let inverse = inverses(gpu, level);
+            let swept = |order: &mut dyn Iterator<Item = &usize>| {
+                let mut x = x.clone();
+                for &i in order {
+                    let step = inverse[i] * (b.rows(3 * i, 3) - a.rows(3 * i, 3) * &x);
+                    let mut own = x.rows_mut(3 * i, 3);
+                    own += step;
+                }
+                x
+            };
+            let there: Vec<usize> = by_colour(gpu, level).concat();
+            let error = distance(&found, &swept(&mut there.iter().chain(there.iter().rev())));
+            println!("{n} nodes, sweeps off by {error:e}");
+            assert!(error < 10.0 * ROUNDING, "sweeps off by {error:e}");
+            // Planted: back first.
+            let wrong = distance(&found, &swept(&mut there.iter().rev().chain(&there)));
+            assert!(wrong > 10.0 * ROUNDING, "not noticed");
+        }
     });
 }
 
