@@ -32,7 +32,8 @@ fn bodies(kernel: &str, gradient: f64) -> Problem {
         r#"{{ "gridfall": 1, "name": "order",
         "domain": {{ "min": [0, 0, 0], "max": [1, 0.5, 0.5], "dx": {DX},
                      "boundary": {{ "x-": {{"contact":"slip"}}, "y": "periodic", "z-": {{"contact":"separate"}} }} }},
-        "materials": {{ "m": {{ "model": "neo-hookean", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 }} }},
+        "materials": {{ "m": {{ "model": "neo-hookean", "density": 1000, "youngs_modulus": 1e4,
+            "poissons_ratio": 0.3 }} }},
         "bodies": [
             {{ "name": "a", "material": "m", "sampling": "jittered", "velocity": [1, 2, 3],
                "velocity_gradient": [[{gradient}, 0, 0], [0, {gradient}, 0], [0, 0, {gradient}]],
@@ -40,9 +41,12 @@ fn bodies(kernel: &str, gradient: f64) -> Problem {
             {{ "name": "b", "material": "m", "sampling": "jittered",
                "shape": {{ "sphere": {{ "center": [0.7, 0.35, 0.25], "radius": 0.15 }} }} }} ],
         "colliders": [
-            {{ "name": "grip", "contact": "sticky", "shape": {{ "sphere": {{ "center": [0.1, 0.1, 0.3], "radius": 0.1 }} }},
-               "motion": {{ "center": [0.1, 0.1, 0.3], "linear_velocity": [0, 0, 2], "angular_velocity": [0, 3, 1] }} }},
-            {{ "name": "slope", "contact": "slip", "shape": {{ "half-space": {{ "point": [0.7, 0.4, 0.2], "normal": [1, 2, 3] }} }},
+            {{ "name": "grip", "contact": "sticky", "shape": {{ "sphere": {{ "center": [0.1, 0.1, 0.3],
+                "radius": 0.1 }} }},
+               "motion": {{ "center": [0.1, 0.1, 0.3], "linear_velocity": [0, 0, 2],
+                   "angular_velocity": [0, 3, 1] }} }},
+            {{ "name": "slope", "contact": "slip", "shape": {{ "half-space": {{ "point": [0.7, 0.4, 0.2],
+                "normal": [1, 2, 3] }} }},
                "motion": {{ "center": [0.7, 0.4, 0.2], "linear_velocity": [1, 0, 1] }} }} ],
         "time": {{ "end": 1 }}, "solver": {{ "kernel": "{kernel}", "integrator": "implicit" }} }}"#
     ))
@@ -66,7 +70,8 @@ fn dust(kernel: &str, seed: u64) -> Problem {
         r#"{{ "gridfall": 1, "name": "dust",
         "domain": {{ "min": [0, 0, 0], "max": [3, 3, 2.25], "dx": {DX},
                      "boundary": {{ "x": "periodic", "y": "periodic", "z": "periodic" }} }},
-        "materials": {{ "m": {{ "model": "neo-hookean", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 }} }},
+        "materials": {{ "m": {{ "model": "neo-hookean", "density": 1000, "youngs_modulus": 1e4,
+            "poissons_ratio": 0.3 }} }},
         "bodies": [ {{ "name": "a", "material": "m", "particles_per_cell": 1,
                        "shape": {{ "box": {{ "min": [0, 0, 0], "max": [0.25, 0.25, 0.1875] }} }} }} ],
         "time": {{ "end": 1 }}, "solver": {{ "kernel": "{kernel}", "integrator": "implicit" }} }}"#
@@ -285,7 +290,8 @@ fn the_solve_starts_where_the_host_starts_it() {
         let imploding = bodies(kernel, -1.5 / DT_S);
         let (rest, wrong) = (start_differs(&imploding, true), start_differs(&imploding, false));
         println!("{kernel}: free fall {falling:.1e}, rest {rest:.1e}, without it {wrong:.1e}");
-        // The implosion's speeds are some hundred m/s.
-        assert!(falling < 1e-5 && rest < 1e-3 && wrong > 1.0);
+        // As in the comparison of all stages, 2e-5 of the speeds: √14 m/s, in the implosion some
+        // hundred m/s.
+        assert!(falling < 2e-5 * 14f64.sqrt() && rest < 1e-3 && wrong > 1.0);
     }
 }
