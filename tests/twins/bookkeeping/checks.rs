@@ -40,7 +40,7 @@ fn last(history: &[Moment]) -> &Moment {
 }
 
 macro_rules! ensure {
-    ($holds:expr, $($fault:tt)+) => { if !$holds { return Err(format!($($fault)+)); } };
+    ($holds:expr, $($fault:tt)+) => {{ let holds: bool = $holds; if !holds { return Err(format!($($fault)+)); } }};
 }
 
 /// A particle's block, and its offset there (cells).

@@ -8,7 +8,7 @@ use crate::gpu::Gpu;
 use crate::gpu::memory::{Memory, Size, Sizes, storage};
 use gridfall_core::sim::setup::Kernel;
 
-/// In [`System::columns`]: no neighbour there.
+/// In the buffer `columns`: no neighbour there.
 pub const NO_NODE: u32 = u32::MAX;
 
 /// The minimisation problem of one step (HOT §4), in device memory; twin of
