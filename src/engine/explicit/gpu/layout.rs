@@ -1,5 +1,5 @@
 //! Rust twins of the structs in `wgsl/explicit/layout.wgsl` and `wgsl/shared/structs.wgsl`;
-//! `tests/layout.rs` compares every offset with naga's.
+//! `tests/twins/layout.rs` compares every offset with naga's.
 
 use bytemuck::{Pod, Zeroable};
 

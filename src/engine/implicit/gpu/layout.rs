@@ -1,4 +1,4 @@
-//! Rust twins of the structs in `wgsl/implicit/layout.wgsl`; `tests/layout.rs` compares every
+//! Rust twins of the structs in `wgsl/implicit/layout.wgsl`; `tests/twins/layout.rs` compares every
 //! offset with naga's.
 
 use bytemuck::{Pod, Zeroable};

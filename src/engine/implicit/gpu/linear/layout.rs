@@ -1,4 +1,4 @@
-//! Rust twins of the structs in `wgsl/implicit/linear/`; `tests/layout.rs` compares every offset
+//! Rust twins of the structs in `wgsl/implicit/linear/`; `tests/twins/layout.rs` compares every offset
 //! with naga's.
 
 use bytemuck::{Pod, Zeroable};
