@@ -41,12 +41,11 @@ fn without_opening(files: &[Source], mark: &str) -> Vec<String> {
 }
 
 fn unfinished(files: &[Source]) -> Vec<String> {
-    // Split, so that this file does not find itself.
-    let marks = ["todo", "unimplemented"].map(|m| format!("{m}!(")).into_iter();
-    let marks: Vec<String> = marks.chain(["[ignore", "allow(dead_code", "FIXME"].map(|m| format!("{m:1}"))).collect();
+    const MARKS: [&str; 5] = ["todo!(", "unimplemented!(", "#[ignore", "allow(dead_code", "FIXME"];
     let mut faults = Vec::new();
+    // All but this file, which has to name them.
     for file in files.iter().filter(|file| !file.path.ends_with("tidy/text.rs")) {
-        let found = marks.iter().filter(|mark| file.text.contains(mark.as_str()));
+        let found = MARKS.iter().filter(|mark| file.text.contains(**mark));
         faults.extend(found.map(|mark| format!("{} has {mark}", file.path)));
     }
     faults
@@ -91,7 +90,7 @@ fn every_file_says_what_it_is() {
 #[test]
 fn nothing_is_unfinished_or_silenced() {
     none(&unfinished(&code()));
-    caught(&unfinished(&[Source::new("src/a.rs", &format!("fn a() {{ {}!() }}", "todo"))]), &["src/a.rs"]);
+    caught(&unfinished(&[Source::new("src/a.rs", "fn a() { todo!() }")]), &["src/a.rs"]);
 }
 
 #[test]

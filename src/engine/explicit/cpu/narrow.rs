@@ -3,7 +3,7 @@
 
 use super::chunk::{Chunk, State, set_matrix};
 use super::simulation::Constants;
-use gridfall_core::maths::linalg::{Matrix, det, from_row_major, scaled_identity};
+use gridfall_core::maths::linalg::{Matrix, determinant, from_row_major, scaled_identity};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::particles::Particles;
 
@@ -33,7 +33,7 @@ impl<T: Real, const D: usize> Narrow<T, D> {
         let small = |v: [f64; D]| v.map(T::from_f64);
         let state = |(f, body): ([f64; 9], &u32)| {
             if constants.bodies[*body as usize].is_fluid() {
-                scaled_identity(T::from_f64(det(&from_row_major::<f64, 3>(&f))))
+                scaled_identity(T::from_f64(determinant(&f)))
             } else {
                 from_row_major(&f)
             }

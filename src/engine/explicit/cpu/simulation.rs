@@ -126,9 +126,8 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         self.bin();
         let (constants, interpolation) = (&self.constants, &self.interpolation);
         self.blocks.par_iter_mut().flat_map_iter(|block| &mut block.chunks).for_each(|chunk| {
-            let rates = || interpolation.affine_rates(constants, chunk);
-            if let (true, State::Fluid { .. }) = (constants.affine, &chunk.state) {
-                let rates = rates();
+            if constants.affine && constants.bodies[chunk.body as usize].is_fluid() {
+                let rates = interpolation.affine_rates(constants, chunk);
                 if let State::Fluid { grad_v, .. } = &mut chunk.state {
                     *grad_v = rates;
                 }
