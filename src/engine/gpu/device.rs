@@ -208,3 +208,10 @@ impl Gpu {
         self.submit(|encoder| record(&mut encoder.begin_compute_pass(&Default::default())))
     }
 }
+
+/// The device of unit tests: software Vulkan unless `GRIDFALL_TEST_ADAPTER` names another.
+#[cfg(test)]
+pub(crate) fn test_gpu() -> Gpu {
+    let name = std::env::var("GRIDFALL_TEST_ADAPTER").unwrap_or_else(|_| "llvmpipe".into());
+    Gpu::open(Some(&name)).unwrap_or_else(|e| panic!("GPU tests need a Vulkan driver (see tests/run): {e}"))
+}

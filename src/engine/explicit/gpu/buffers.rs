@@ -1,13 +1,13 @@
 //! Device memory of a simulation: every size in one place.
 
 use super::layout::{self, BLOCK_NODES, NODE_CHANNELS, VELOCITY_CHANNELS, WORK_MAX};
+use super::scene::SceneSizes;
 use super::stages::Extent;
 use super::upload::DeviceState;
 use crate::contract::EngineError;
 use crate::gpu::Gpu;
 use crate::gpu::memory::{Memory, Sizes, indirect, storage, uniform};
 use crate::gpu::program::Workgroups;
-use gridfall_core::sim::reaction::WALLS;
 
 /// Steps whose collider poses are uploaded at once, the most that one submission holds.
 pub const CHUNK_STEPS: usize = 256;
@@ -24,21 +24,17 @@ pub struct Counts {
     pub grids: usize,
     /// Deformation channels: 1 (fluids only), 9 or 10 (with plastic state).
     pub channels: usize,
-    pub bodies: usize,
-    pub materials: usize,
-    pub sdf_ops: usize,
-    pub sdf_samples: usize,
-    pub colliders: usize,
+    pub scene: SceneSizes,
 }
 
 impl Counts {
     /// Buffers by the names in `wgsl/explicit/layout.wgsl`.
     pub fn sizes(&self) -> Sizes {
-        let (particles, capacity, colliders) = (self.particles, self.capacity, self.colliders.max(1));
+        let (particles, capacity) = (self.particles, self.capacity);
         let grid = capacity * self.grids * BLOCK_NODES * NODE_CHANNELS * 4;
         let deformation = particles * self.channels * 4;
         let work = capacity + particles / WORK_MAX + 1;
-        let buffers = vec![
+        let mut buffers = vec![
             uniform("params", size_of::<layout::Params>()),
             indirect("dispatches", layout::DISPATCHES * layout::DISPATCH_BYTES),
             storage("report", size_of::<layout::Report>()),
@@ -60,24 +56,15 @@ impl Counts {
             storage("frame_velocity", particles * VELOCITY_CHANNELS * 4),
             storage("frame_deformation", deformation),
             storage("body_of", particles * 4),
-            storage("bodies", self.bodies * size_of::<layout::Body>()),
-            storage("materials", self.materials * size_of::<layout::Material>()),
-            storage("sdf_ops", self.sdf_ops.max(1) * size_of::<layout::SdfOp>()),
-            storage("sdf_samples", self.sdf_samples.max(1) * 4),
-            storage("colliders", colliders * size_of::<layout::Collider>()),
-            storage("poses", colliders * CHUNK_STEPS * size_of::<layout::Pose>()),
-            storage("reactions", layout::REPLICAS * self.reaction_sums() * 8),
+            self.scene.poses(CHUNK_STEPS),
+            storage("reactions", layout::REPLICAS * self.scene.reaction_sums() * 8),
         ];
+        buffers.extend(self.scene.buffers);
         Sizes {
             buffers,
             load: format!("{particles} particles and {capacity} blocks"),
             remedy: "use fewer particles, a larger domain.dx, or the CPU engine",
         }
-    }
-
-    /// Sums of one replica of the surfaces' reactions.
-    pub fn reaction_sums(&self) -> usize {
-        6 * (WALLS + self.colliders)
     }
 }
 

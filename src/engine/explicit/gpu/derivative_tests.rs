@@ -3,8 +3,9 @@
 
 use rand::{SeedableRng, rngs::StdRng};
 
-use super::law_tests::{State, distance, gpu, random_matrix, random_states, run};
+use super::law_tests::{State, distance, random_matrix, random_states, run};
 use crate::gpu::Gpu;
+use crate::gpu::device::test_gpu;
 use gridfall_core::material::{Law, initial_plastic_state, samples};
 use gridfall_core::maths::linalg::{Matrix, mul, mul_transpose};
 use gridfall_core::maths::svd::svd;
@@ -94,7 +95,7 @@ fn solids() -> Vec<Material> {
 fn energies_stresses_and_stiffnesses_agree_with_the_cpus() {
     let seed = 43;
     println!("seed {seed}");
-    let gpu = gpu();
+    let gpu = test_gpu();
     let materials = solids();
     let states = random_states(&mut StdRng::seed_from_u64(seed), &materials, 2000);
     let answers = ask(&gpu, &materials, &states);
@@ -150,7 +151,7 @@ fn trial_states_of_every_kind_agree() {
             }
         }
     }
-    let gpu = gpu();
+    let gpu = test_gpu();
     let answers = ask(&gpu, &materials, &states);
     for (material, worst) in materials.iter().zip(differences(&materials, &states, &answers)) {
         println!("{worst:?} {material:?}");

@@ -8,8 +8,9 @@ use std::time::Instant;
 use super::buffers::{Buffers, CHUNK_STEPS, Counts};
 use super::layout::{self, Params, Report};
 use super::readback;
+use super::scene::{self, SceneData};
 use super::stages::{Extent, Stages};
-use super::upload::{self, DeviceLayout};
+use super::upload::{DeviceLayout, grid_offsets};
 use crate::contract::{Backend, Control, Engine, EngineError, FrameStats};
 use crate::gpu::memory::Memory;
 use crate::gpu::program::{Dispatch, Programs, Tools};
@@ -70,28 +71,20 @@ impl GpuEngine {
         let mut layout = DeviceLayout::new(setup);
         let extremes = timestep::initial_extremes(setup, &particles);
         let state = layout.state(&particles)?;
-        let (sdf_ops, sdf_samples, colliders) = upload::colliders(setup);
+        let scene = SceneData::new(setup);
         let counts = Counts {
             particles: setup.total_particles(),
             table: layout.table_len(),
             // Room to spread before the first growth.
             capacity: layout.active_blocks(&state.position) * 5 / 4 + 64,
-            grids: upload::grid_offsets(setup.kernel).len(),
+            grids: grid_offsets(setup.kernel).len(),
             channels: layout.channels,
-            bodies: setup.bodies.len(),
-            materials: setup.materials.len(),
-            sdf_ops: sdf_ops.len(),
-            sdf_samples: sdf_samples.len(),
-            colliders: colliders.len(),
+            scene: scene.sizes(),
         };
         let mut buffers = Buffers::new(&gpu, counts)?;
         buffers.put_states(&gpu, &state, &particles.body);
         layout.body_of = particles.body;
-        buffers.memory.write(&gpu, "bodies", 0, &upload::bodies(setup));
-        buffers.memory.write(&gpu, "materials", 0, &upload::materials(setup));
-        buffers.memory.write(&gpu, "sdf_ops", 0, &sdf_ops);
-        buffers.memory.write(&gpu, "sdf_samples", 0, &sdf_samples);
-        buffers.memory.write(&gpu, "colliders", 0, &colliders);
+        scene.write(&gpu, &buffers.memory);
         let programs = Programs::new(Variant::of(setup));
         let stages = Stages::new(Tools { gpu: &gpu, programs: &programs }, &buffers.memory);
         let backend = gpu.backend(reason);
@@ -194,7 +187,7 @@ impl GpuEngine {
                 let t = self.time_s + (first + k) as f64 * dt_s;
                 self.setup.colliders.iter().map(move |c| (c, t))
             })
-            .map(|(c, t)| upload::pose(c, self.setup.origin, t))
+            .map(|(c, t)| scene::pose(c, self.setup.origin, t))
             .collect();
         self.memory().write(&self.gpu, "poses", 0, &poses);
         self.params.first_step = first as u32;

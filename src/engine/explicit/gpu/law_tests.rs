@@ -6,7 +6,8 @@ use rand::{Rng, SeedableRng, rngs::StdRng};
 
 use super::buffers::Counts;
 use super::layout::{self, Params};
-use super::upload;
+use super::scene::{SceneData, material};
+use crate::gpu::device::test_gpu;
 use crate::gpu::memory::{Memory, Scope};
 use crate::gpu::program::{Dispatch, Workgroups};
 use crate::gpu::{Gpu, Shader, Variant};
@@ -92,20 +93,10 @@ struct Answer {
 pub(super) fn run(gpu: &Gpu, materials: &[Material], states: &[State], text: &str) -> Written {
     let n = states.len();
     let (channels, one) = (10, 1);
-    let counts = Counts {
-        particles: n,
-        table: one,
-        capacity: one,
-        grids: one,
-        channels,
-        bodies: one,
-        materials: materials.len(),
-        sdf_ops: 0,
-        sdf_samples: 0,
-        colliders: 0,
-    };
+    let bodies = vec![layout::Body::default()];
+    let scene = SceneData { bodies, materials: materials.iter().map(material).collect(), ..SceneData::default() };
+    let counts = Counts { particles: n, table: one, capacity: one, grids: one, channels, scene: scene.sizes() };
     let memory = Memory::new(gpu, &counts.sizes()).unwrap();
-    let uploaded: Vec<layout::Material> = materials.iter().map(upload::material).collect();
     let mut deformation = vec![0.0f32; channels * n];
     for (i, state) in states.iter().enumerate() {
         if materials[state.material].is_fluid() {
@@ -120,7 +111,7 @@ pub(super) fn run(gpu: &Gpu, materials: &[Material], states: &[State], text: &st
     let body_of: Vec<u32> = states.iter().map(|s| s.material as u32).collect();
     let params = Params { particles: n as u32, ..Params::default() };
     memory.write(gpu, "params", 0, &[params]);
-    memory.write(gpu, "materials", 0, &uploaded);
+    scene.write(gpu, &memory);
     memory.write(gpu, "body_of", 0, &body_of);
     memory.write(gpu, "deformation_in", 0, &deformation);
 
@@ -150,11 +141,6 @@ fn ask(gpu: &Gpu, materials: &[Material], states: &[State]) -> Vec<Answer> {
         determinants: w.scalar(&w.velocity, 11, i),
     };
     (0..states.len()).map(answer).collect()
-}
-
-pub(super) fn gpu() -> Gpu {
-    let name = std::env::var("GRIDFALL_TEST_ADAPTER").unwrap_or_else(|_| "llvmpipe".into());
-    Gpu::open(Some(&name)).unwrap_or_else(|e| panic!("GPU tests need a Vulkan driver (see tests/run): {e}"))
 }
 
 pub(super) fn random_matrix(rng: &mut StdRng, size: f64) -> Matrix<f64, 3> {
@@ -229,7 +215,7 @@ const TOLERANCE: [f64; 4] = [1e-5, 3e-6, 1e-5, 3e-5];
 fn laws_agree_with_the_cpus() {
     let seed = 41;
     println!("seed {seed}");
-    let gpu = gpu();
+    let gpu = test_gpu();
     let materials = samples();
     let states = random_states(&mut StdRng::seed_from_u64(seed), &materials, 2000);
     let answers = ask(&gpu, &materials, &states);
@@ -283,7 +269,7 @@ fn svd_of_every_kind_of_state() {
             plastic: 0.0,
         });
     }
-    for (state, answer) in states.iter().zip(ask(&gpu(), &materials, &states)) {
+    for (state, answer) in states.iter().zip(ask(&test_gpu(), &materials, &states)) {
         let f = state.f.map(|row| row.map(|x| f64::from(x as f32)));
         let size = f.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
         let error = distance(&f, &answer.reconstructed);

@@ -1,10 +1,10 @@
 //! The explicit GPU engine: 3D, f32, in fused G2P2G compute shaders (`wgsl/explicit/`).
 //!
-//! `layout` holds the twins of shader structs, `buffers` says what device memory there is, `upload`
-//! turns a setup and its particles into device data, `stages` lists the dispatches of a frame,
-//! `engine` runs frames and answers for overflow and re-planning, `failure` for errors, `readback`
-//! brings states home, and `staged` stops between the stages of a step, so that they and the
-//! `bookkeeping` can be looked at.
+//! `layout` holds the twins of shader structs, `buffers` says what device memory there is, `scene`
+//! and `upload` turn a scene and its particles into device data, `stages` lists the dispatches of a
+//! frame, `engine` runs frames and answers for overflow and re-planning, `failure` for errors,
+//! `readback` brings states home, and `staged` stops between the stages of a step, so that they and
+//! the `bookkeeping` can be looked at.
 
 mod bookkeeping;
 mod buffers;
@@ -16,6 +16,7 @@ mod failure;
 mod law_tests;
 pub mod layout;
 mod readback;
+pub(crate) mod scene;
 mod staged;
 pub mod stages;
 pub mod timing;

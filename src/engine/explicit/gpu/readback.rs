@@ -33,7 +33,7 @@ pub fn particles(gpu: &Gpu, b: &Buffers, layout: &DeviceLayout) -> Result<Partic
 
 /// What the surfaces took since the sums were cleared: impulses and moments.
 pub fn reactions(gpu: &Gpu, b: &Buffers, params: &Params) -> Result<Vec<Reaction>, EngineError> {
-    let n = b.counts.reaction_sums();
+    let n = b.counts.scene.reaction_sums();
     let words: Vec<[u32; 2]> = b.memory.read(gpu, "reactions", REPLICAS * n)?;
     let sum = |k: usize| -> f64 {
         let value = |[low, high]: [u32; 2]| (u64::from(high) << 32 | u64::from(low)) as i64;

@@ -1,14 +1,11 @@
-//! A problem as device data: coordinates, particle states, bodies, materials, colliders.
+//! Coordinates and particle states as device data.
 
-use super::layout::{self, PAD_BLOCKS, Params};
+use super::layout::{PAD_BLOCKS, Params};
+use super::scene::contact_code;
 use crate::contract::EngineError;
-use gridfall_core::material::Law;
-use gridfall_core::material::parameters::Elasticity;
 use gridfall_core::maths::linalg::{det, from_row_major};
-use gridfall_core::sim::collider::{Collider, Primitive, SdfOp};
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::setup::{Axis, Contact, ContactKind, Kernel, Material, Setup};
-use gridfall_core::sim::timestep::demands_at_rest_1_s2;
+use gridfall_core::sim::setup::{Axis, Kernel, Material, Setup};
 
 /// Cells by which a kernel's base node is shifted: y = x/dx - shift has floor(y) as its first node
 /// (`SHIFT` in the shaders).
@@ -210,121 +207,5 @@ impl DeviceLayout {
             }),
             ..Params::default()
         }
-    }
-}
-
-fn contact_code(contact: Contact) -> u32 {
-    match contact.kind {
-        ContactKind::Sticky => 0,
-        ContactKind::Slip => 1,
-        ContactKind::Separate => 2,
-    }
-}
-
-pub fn bodies(setup: &Setup) -> Vec<layout::Body> {
-    (setup.bodies.iter())
-        .zip(demands_at_rest_1_s2(setup))
-        .map(|(b, demand)| layout::Body {
-            mass: b.mass as f32,
-            volume: b.volume0 as f32,
-            material: b.material as u32,
-            demand: demand as f32,
-        })
-        .collect()
-}
-
-pub fn materials(setup: &Setup) -> Vec<layout::Material> {
-    setup.materials.iter().map(material).collect()
-}
-
-/// Parameters as the shaders know them; models are numbered as in `wgsl/shared/state.wgsl`.
-pub fn material(material: &Material) -> layout::Material {
-    let (model, parameters) = match Law::<f64>::new(material) {
-        Law::FixedCorotated(l) => (0, [l.mu, l.lambda, 0.0, 0.0, 0.0]),
-        Law::NeoHookean(l) => (1, [l.mu, l.lambda, 0.0, 0.0, 0.0]),
-        Law::WeaklyCompressibleFluid(l) => (2, [l.b, l.gamma, l.viscosity, 0.0, 0.0]),
-        Law::StvkHencky(l) => (3, [l.mu, l.lambda, 0.0, 0.0, 0.0]),
-        Law::VonMises(l) => {
-            let model = if l.elasticity == Elasticity::Hencky { 4 } else { 5 };
-            (model, [l.hencky.mu, l.hencky.lambda, l.radius, 0.0, 0.0])
-        }
-        Law::DruckerPrager(l) => (6, [l.elastic.mu, l.elastic.lambda, l.slope, 0.0, 0.0]),
-        Law::Nacc(l) => (7, [l.mu, l.lambda, l.m, l.beta, l.xi]),
-        Law::Snow(l) => (8, [l.elastic.mu, l.elastic.lambda, l.least, l.most, l.hardening]),
-    };
-    let [a, b, c, d, e] = parameters.map(|x| x as f32);
-    layout::Material { model, a, b, c, d, e, ..layout::Material::default() }
-}
-
-/// Signed distance programs, the samples of their fields, and colliders, in coordinates relative to
-/// `domain.min`.
-pub fn colliders(setup: &Setup) -> (Vec<layout::SdfOp>, Vec<f32>, Vec<layout::Collider>) {
-    let (mut ops, mut samples, mut out) = (Vec::new(), Vec::new(), Vec::new());
-    for c in &setup.colliders {
-        out.push(layout::Collider {
-            first: ops.len() as u32,
-            count: c.sdf.ops.len() as u32,
-            kind: contact_code(c.contact),
-            friction: c.contact.friction as f32,
-        });
-        ops.extend(c.sdf.ops.iter().map(|op| sdf_op(op, setup.origin, &mut samples)));
-    }
-    (ops, samples, out)
-}
-
-fn sdf_op(op: &SdfOp, origin: [f64; 3], samples: &mut Vec<f32>) -> layout::SdfOp {
-    let plain = |code, size| layout::SdfOp { code, size, ..Default::default() };
-    match op {
-        SdfOp::Union => plain(16, [0.0; 3]),
-        SdfOp::Intersection => plain(17, [0.0; 3]),
-        SdfOp::Difference => plain(18, [0.0; 3]),
-        SdfOp::Shell(thickness) => plain(19, [*thickness as f32, 0.0, 0.0]),
-        SdfOp::Primitive { primitive, rotation: r, translation: t } => {
-            let small = |x: [f64; 3]| x.map(|x| x as f32);
-            // Local coordinates start at `corner` and count in `unit`s.
-            let (mut corner, mut unit, mut grid) = ([0.0; 3], 1.0, [0; 4]);
-            let (code, size) = match *primitive {
-                Primitive::Box(half) => (0, small(half)),
-                Primitive::Sphere(radius) => (1, small([radius, 0.0, 0.0])),
-                Primitive::Cylinder(radius, half_height) => (2, small([radius, half_height, 0.0])),
-                Primitive::Torus(major, minor) => (3, small([major, minor, 0.0])),
-                Primitive::HalfSpace => (4, [0.0; 3]),
-                Primitive::Capsule(radius, half) => (5, small([radius, half, 0.0])),
-                Primitive::Cone(base, top, half) => (6, small([base, top, half])),
-                Primitive::Grid(ref field, scale) => {
-                    (corner, unit) = (field.origin.map(|x| scale * x), scale * field.spacing);
-                    let [x, y, z] = field.size.map(|n| n as u32);
-                    grid = [samples.len() as u32, x, y, z];
-                    samples.extend(field.samples.iter().map(|d| (scale * f64::from(*d)) as f32));
-                    (7, small([unit, 0.0, 0.0]))
-                }
-            };
-            // local = (R (x + origin - t) - corner) / unit for x relative to the domain.
-            let row = |i: usize| {
-                let w = (0..3).map(|a| r[3 * i + a] * (origin[a] - t[a])).sum::<f64>() - corner[i];
-                [r[3 * i], r[3 * i + 1], r[3 * i + 2], w].map(|x| (x / unit) as f32)
-            };
-            layout::SdfOp { r0: row(0), r1: row(1), r2: row(2), size, code, grid }
-        }
-    }
-}
-
-/// Pose of a collider at a time, for positions relative to `domain.min`.
-pub fn pose(collider: &Collider, origin: [f64; 3], time_s: f64) -> layout::Pose {
-    let now = collider.motion.at(time_s);
-    let (r, t) = (now.pose.rotation, now.pose.translation);
-    // x_start + origin = Rᵀ (x + origin - t)  ⇒  x_start = Rᵀ (x - t'), t' = t - origin + R origin
-    let shifted: [f64; 3] =
-        std::array::from_fn(|i| t[i] - origin[i] + (0..3).map(|a| r[3 * i + a] * origin[a]).sum::<f64>());
-    let row = |i: usize| [r[i] as f32, r[3 + i] as f32, r[6 + i] as f32, shifted[i] as f32];
-    let center = std::array::from_fn::<f64, 3, _>(|a| now.center[a] - origin[a]);
-    let with = |v: [f64; 3], w: f32| [v[0] as f32, v[1] as f32, v[2] as f32, w];
-    layout::Pose {
-        r0: row(0),
-        r1: row(1),
-        r2: row(2),
-        linear: with(now.linear_velocity, if collider.is_present(time_s) { 1.0 } else { 0.0 }),
-        angular: with(now.angular_velocity, 0.0),
-        center: with(center, 0.0),
     }
 }

@@ -3,10 +3,9 @@
 use super::interface::{System, slots};
 use super::layout::{Params, Report, Sweep, Touch};
 use super::stages::Extent;
-use crate::explicit::gpu::layout as shared;
+use crate::explicit::gpu::scene::SceneSizes;
 use crate::gpu::memory::{Memory, Sizes, storage, uniform};
 use crate::gpu::program::Workgroups;
-use gridfall_core::sim::reaction::WALLS;
 use gridfall_core::sim::setup::Kernel;
 
 /// Lanes of a workgroup (`LANES` in the shaders).
@@ -29,10 +28,7 @@ pub struct Counts {
     /// Slots for blocks that particles touch.
     pub capacity: usize,
     pub bodies: usize,
-    pub materials: usize,
-    pub sdf_ops: usize,
-    pub sdf_samples: usize,
-    pub colliders: usize,
+    pub scene: SceneSizes,
 }
 
 impl Counts {
@@ -45,17 +41,12 @@ impl Counts {
         (4 * self.grids()).pow(3)
     }
 
-    /// Sums of the surfaces' reactions of a block.
-    pub fn reaction_sums(&self) -> usize {
-        6 * (WALLS + self.colliders)
-    }
-
     /// Buffers by the names in `wgsl/implicit/layout.wgsl`.
     pub fn sizes(&self) -> Sizes {
         let (n, blocks) = (self.particles, self.capacity);
         let nodes = blocks * self.grids() * 64;
         let scanned = self.table.max(nodes).max(blocks * self.cells());
-        let buffers = vec![
+        let mut buffers = vec![
             uniform("params", size_of::<Params>()),
             storage("report", size_of::<Report>()),
             storage("table", self.table * 4),
@@ -82,18 +73,14 @@ impl Counts {
             storage("push", n * 36),
             storage("tensor", n * 180),
             storage("partials", blocks * (1 + self.grids()) * 8),
-            storage("bodies", self.bodies * size_of::<shared::Body>()),
-            storage("materials", self.materials * size_of::<shared::Material>()),
             storage("characteristic", self.bodies * 4),
-            storage("sdf_ops", self.sdf_ops.max(1) * size_of::<shared::SdfOp>()),
-            storage("sdf_samples", self.sdf_samples.max(1) * 4),
-            storage("colliders", self.colliders.max(1) * size_of::<shared::Collider>()),
-            storage("poses", self.colliders.max(1) * size_of::<shared::Pose>()),
-            storage("sweeps", self.colliders.max(1) * size_of::<Sweep>()),
+            self.scene.poses(1),
+            storage("sweeps", self.scene.colliders.max(1) * size_of::<Sweep>()),
             storage("touches", 3 * nodes * size_of::<Touch>()),
             storage("presses", blocks * self.grids() * 16),
-            storage("reactions", blocks * self.reaction_sums() * 4),
+            storage("reactions", blocks * self.scene.reaction_sums() * 4),
         ];
+        buffers.extend(self.scene.buffers);
         Sizes {
             buffers,
             load: format!("{n} particles and {blocks} blocks"),

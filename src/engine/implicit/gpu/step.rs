@@ -8,7 +8,8 @@ use super::interface::{Evaluate, System};
 use super::layout::{Params, Report, Sweep};
 use super::stages::{Extent, Stages};
 use crate::contract::EngineError;
-use crate::explicit::gpu::upload::{self, DeviceLayout};
+use crate::explicit::gpu::scene::{self, SceneData};
+use crate::explicit::gpu::upload::DeviceLayout;
 use crate::gpu::memory::Memory;
 use crate::gpu::program::{Dispatches, Programs, Tools};
 use crate::gpu::{Gpu, Variant};
@@ -43,7 +44,7 @@ impl DeviceStep {
     pub fn new(gpu: Arc<Gpu>, setup: &Setup, particles: &Particles) -> Result<Self, EngineError> {
         let layout = DeviceLayout::new(setup);
         let state = layout.state(particles)?;
-        let (sdf_ops, sdf_samples, colliders) = upload::colliders(setup);
+        let scene = SceneData::new(setup);
         let counts = Counts {
             kernel: setup.kernel,
             particles: setup.total_particles(),
@@ -51,32 +52,25 @@ impl DeviceStep {
             table: layout.table_len(),
             capacity: layout.active_blocks(&state.position) + 16,
             bodies: setup.bodies.len(),
-            materials: setup.materials.len(),
-            sdf_ops: sdf_ops.len(),
-            sdf_samples: sdf_samples.len(),
-            colliders: colliders.len(),
+            scene: scene.sizes(),
         };
         let system = System::new(&gpu, setup.kernel, 256)?;
         let memory = Memory::new(&gpu, &counts.sizes())?;
         let characteristic = |b: &Body| Law::<f64>::new(&setup.materials[b.material]).characteristic::<3>() as f32;
         let characteristics: Vec<f32> = setup.bodies.iter().map(characteristic).collect();
-        memory.write(&gpu, "bodies", 0, &upload::bodies(setup));
-        memory.write(&gpu, "materials", 0, &upload::materials(setup));
         memory.write(&gpu, "characteristic", 0, &characteristics);
-        memory.write(&gpu, "sdf_ops", 0, &sdf_ops);
-        memory.write(&gpu, "sdf_samples", 0, &sdf_samples);
-        memory.write(&gpu, "colliders", 0, &colliders);
+        scene.write(&gpu, &memory);
         let densest = setup.bodies.iter().map(|b| b.mass / b.volume0).fold(0.0, f64::max);
-        let scene = layout.params(setup);
+        let shared = layout.params(setup);
         let params = Params {
-            blocks: scene.blocks,
-            cells: scene.cells,
-            dx: scene.dx,
-            gravity: scene.gravity,
-            pad: scene.pad,
-            periodic: scene.periodic,
-            colliders: scene.colliders,
-            walls: scene.walls,
+            blocks: shared.blocks,
+            cells: shared.cells,
+            dx: shared.dx,
+            gravity: shared.gravity,
+            pad: shared.pad,
+            periodic: shared.periodic,
+            colliders: shared.colliders,
+            walls: shared.walls,
             room: counts.particles as u32,
             mass_floor: (FREE_FALL_SHARE * densest * setup.dx.powi(3)) as f32,
             ..Params::default()
@@ -134,7 +128,7 @@ impl DeviceStep {
         self.memory().write(&self.gpu, "report", separating, &[0u32]);
         let colliders = &self.setup.colliders;
         if !colliders.is_empty() {
-            let poses: Vec<_> = colliders.iter().map(|c| upload::pose(c, self.setup.origin, time_s)).collect();
+            let poses: Vec<_> = colliders.iter().map(|c| scene::pose(c, self.setup.origin, time_s)).collect();
             let sweeps: Vec<_> = colliders.iter().map(|c| sweep(c, time_s, dt)).collect();
             self.memory().write(&self.gpu, "poses", 0, &poses);
             self.memory().write(&self.gpu, "sweeps", 0, &sweeps);
@@ -254,7 +248,7 @@ impl DeviceStep {
     }
 
     fn impulses(&self) -> Result<Vec<Reaction>, EngineError> {
-        let sums = self.buffers.counts.reaction_sums();
+        let sums = self.buffers.counts.scene.reaction_sums();
         let values: Vec<f32> = self.memory().read(&self.gpu, "reactions", self.buffers.blocks * sums)?;
         let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.setup)];
         for block in values.chunks_exact(sums) {

@@ -156,8 +156,9 @@ impl Lbfgs {
 mod tests {
     use rand::{SeedableRng, rngs::StdRng};
 
-    use super::super::problem_tests::{Sample, distance, gpu, random, read_field, scene, write_field};
+    use super::super::problem_tests::{Sample, distance, random, read_field, scene, write_field};
     use super::*;
+    use crate::gpu::device::test_gpu;
     use crate::gpu::program::{Programs, Variant};
     use gridfall_core::sim::settings::Implicit;
     use gridfall_core::sim::setup::Kernel;
@@ -168,7 +169,7 @@ mod tests {
     fn two_loop_recursion() {
         let seed = 77;
         println!("seed {seed}");
-        let (gpu, rng) = (gpu(), &mut StdRng::seed_from_u64(seed));
+        let (gpu, rng) = (test_gpu(), &mut StdRng::seed_from_u64(seed));
         let programs = Programs::new(Variant::of_kernel(Kernel::Quadratic));
         let tools = Tools { gpu: &gpu, programs: &programs };
         let sample = Sample::new(&scene(Kernel::Quadratic, false, 1e6));

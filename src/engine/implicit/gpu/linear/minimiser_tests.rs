@@ -4,7 +4,8 @@
 use nalgebra::{DMatrix, DVector, Matrix3};
 
 use super::minimiser::Minimiser;
-use super::problem_tests::{KERNELS, Sample, gpu, read_field, scene, write_field};
+use super::problem_tests::{KERNELS, Sample, read_field, scene, write_field};
+use crate::gpu::device::test_gpu;
 use crate::gpu::memory::{Memory, Scope, storage, uniform};
 use crate::gpu::program::{Dispatch, Dispatches, Workgroups};
 use crate::gpu::{Gpu, Shader, Variant};
@@ -192,7 +193,7 @@ impl Case {
 
 #[test]
 fn minima_are_newtons_and_repeatable() {
-    let gpu = gpu();
+    let gpu = test_gpu();
     for kernel in KERNELS {
         for smoother in [Smoother::Chebyshev, Smoother::GaussSeidel] {
             let settings = Implicit { smoother, tolerance: TOLERANCE, ..Implicit::default() };
@@ -222,7 +223,7 @@ fn minima_are_newtons_and_repeatable() {
 
 #[test]
 fn rounding_ends_the_loop_and_is_owned_up_to() {
-    let gpu = gpu();
+    let gpu = test_gpu();
     let case = Case::new(&gpu, Kernel::Quadratic, 1e8, 0.1);
     let mut minimiser = Minimiser::new(Kernel::Quadratic, Implicit { tolerance: 1e-14, ..Implicit::default() });
     let (x, solve) = case.run(&gpu, &mut minimiser);
@@ -234,7 +235,7 @@ fn rounding_ends_the_loop_and_is_owned_up_to() {
 
 #[test]
 fn a_limit_on_iterations_and_a_start_that_is_not_finite() {
-    let gpu = gpu();
+    let gpu = test_gpu();
     let case = Case::new(&gpu, Kernel::Quadratic, 1e8, 0.1);
     let mut minimiser = Minimiser::new(Kernel::Quadratic, Implicit { max_iterations: 2, ..Implicit::default() });
     let (_, solve) = case.run(&gpu, &mut minimiser);

@@ -8,8 +8,9 @@ use rand::{SeedableRng, rngs::StdRng};
 
 use super::hierarchy::{Hierarchy, prolong, residual, restrict};
 use super::level::Level;
-use super::problem_tests::{KERNELS, Sample, distance, gpu, prolongation, random, read_field, scene, write_field};
+use super::problem_tests::{KERNELS, Sample, distance, prolongation, random, read_field, scene, write_field};
 use super::smoother;
+use crate::gpu::device::test_gpu;
 use crate::gpu::memory::SLOT;
 use crate::gpu::program::{Dispatches, Programs, Tools};
 use crate::gpu::{Gpu, Variant};
@@ -98,7 +99,7 @@ fn uncompleted(sample: &Sample) -> DMatrix<f64> {
 fn each_case(check: impl Fn(Tools, &Sample, &mut StdRng)) {
     let seed = 4207;
     println!("seed {seed}");
-    let gpu = gpu();
+    let gpu = test_gpu();
     for kernel in KERNELS {
         let programs = Programs::new(Variant::of_kernel(kernel));
         for periodic in [false, true] {

@@ -205,12 +205,6 @@ pub fn read_field(gpu: &Gpu, buffer: &wgpu::Buffer, stride: usize, rows: usize) 
     DVector::from_fn(3 * rows, |k, _| f64::from(values[k % 3 * stride + k / 3]))
 }
 
-/// Opened once: pipelines take long to compile on a software driver.
-pub fn gpu() -> Gpu {
-    let name = std::env::var("GRIDFALL_TEST_ADAPTER").unwrap_or_else(|_| "llvmpipe".into());
-    Gpu::open(Some(&name)).unwrap_or_else(|e| panic!("GPU tests need a Vulkan driver (see tests/run): {e}"))
-}
-
 /// |a − b| over the larger of |b| and a floor.
 pub fn distance(a: &DVector<f64>, b: &DVector<f64>) -> f64 {
     let d = (a - b).norm() / b.norm();

@@ -7,8 +7,9 @@ use rand::{SeedableRng, rngs::StdRng};
 use super::hierarchy::Hierarchy;
 use super::layout::{ACCEPTED, BROKEN, DROPPED, INDEFINITE, State};
 use super::lbfgs::Lbfgs;
-use super::problem_tests::{Sample, distance, gpu, random, read_field, scene, write_field};
+use super::problem_tests::{Sample, distance, random, read_field, scene, write_field};
 use crate::gpu::Variant;
+use crate::gpu::device::test_gpu;
 use crate::gpu::program::{Dispatches, Programs, Tools};
 use crate::implicit::gpu::interface::System;
 use gridfall_core::sim::settings::Implicit;
@@ -95,7 +96,7 @@ fn near(a: f32, b: f64) -> bool {
 fn a_line_search_halves_accepts_and_steps() {
     let seed = 91;
     println!("seed {seed}");
-    let (gpu, rng) = (gpu(), &mut StdRng::seed_from_u64(seed));
+    let (gpu, rng) = (test_gpu(), &mut StdRng::seed_from_u64(seed));
     let programs = Programs::new(Variant::of_kernel(Kernel::Compact));
     let sample = Sample::new(&scene(Kernel::Compact, false, 1e6));
     let search = Search::new(Tools { gpu: &gpu, programs: &programs }, &sample);
@@ -150,7 +151,7 @@ fn a_line_search_halves_accepts_and_steps() {
 fn verdicts_are_those_of_the_rule() {
     let seed = 92;
     println!("seed {seed}");
-    let (gpu, rng) = (gpu(), &mut StdRng::seed_from_u64(seed));
+    let (gpu, rng) = (test_gpu(), &mut StdRng::seed_from_u64(seed));
     let programs = Programs::new(Variant::of_kernel(Kernel::Quadratic));
     let sample = Sample::new(&scene(Kernel::Quadratic, false, 1e6));
     let search = Search::new(Tools { gpu: &gpu, programs: &programs }, &sample);
