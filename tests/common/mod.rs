@@ -45,7 +45,7 @@ pub fn randomise(problem: &mut Problem, rng: &mut ChaCha8Rng) {
         p.b[id] = std::array::from_fn(|_| random(0.03 * dx));
         let material = problem.setup.bodies[p.body[id] as usize].material;
         p.plastic[id] += match problem.setup.materials[material] {
-            Material::DruckerPrager(_) => random(0.05).max(0.0),
+            Material::DruckerPrager(_) | Material::MohrCoulomb(_) => random(0.05).max(0.0),
             Material::Nacc(_) | Material::Snow(_) => random(0.02),
             _ => 0.0,
         };

@@ -177,6 +177,18 @@ fn material_parameters_out_of_range() {
     let solid = r#""density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3"#;
     for (parameters, pointer) in [
         (r#""model": "drucker-prager", "friction_angle_degrees": 90"#, "friction_angle_degrees"),
+        (r#""model": "drucker-prager", "friction_angle_degrees": 30, "cohesion": -1"#, "cohesion"),
+        (
+            r#""model": "drucker-prager", "friction_angle_degrees": 30, "dilatancy_angle_degrees": 31"#,
+            "dilatancy_angle_degrees",
+        ),
+        (r#""model": "drucker-prager", "friction_angle_degrees": 30, "cone": "inscribed""#, "cone"),
+        (r#""model": "mohr-coulomb", "friction_angle_degrees": -1"#, "friction_angle_degrees"),
+        (r#""model": "mohr-coulomb", "friction_angle_degrees": 0, "cohesion": -1"#, "cohesion"),
+        (
+            r#""model": "mohr-coulomb", "friction_angle_degrees": 30, "dilatancy_angle_degrees": -1"#,
+            "dilatancy_angle_degrees",
+        ),
         (r#""model": "von-mises", "yield_stress": 0"#, "yield_stress"),
         (r#""model": "nacc", "M": 0, "beta": 0.5, "xi": 3, "alpha0": -0.01"#, "M"),
         (r#""model": "nacc", "M": 2, "beta": -1, "xi": 3, "alpha0": -0.01"#, "beta"),

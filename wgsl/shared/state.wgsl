@@ -4,8 +4,9 @@
 //
 // uses shared/structs, shared/polar, shared/materials/fixed_corotated
 // uses shared/materials/neo_hookean, shared/materials/weakly_compressible_fluid
-// uses shared/materials/stvk_hencky, shared/materials/von_mises, shared/materials/drucker_prager
-// uses shared/materials/nacc, shared/materials/snow
+// uses shared/materials/stvk_hencky, shared/materials/von_mises, shared/materials/opening
+// uses shared/materials/drucker_prager, shared/materials/mohr_coulomb, shared/materials/nacc
+// uses shared/materials/snow
 
 /// Whether any law of the scene works in principal space. Programs that need none of those laws
 /// are compiled without their code.
@@ -25,6 +26,7 @@ const VON_MISES_FIXED_COROTATED = 5u;
 const DRUCKER_PRAGER = 6u;
 const NACC = 7u;
 const SNOW = 8u;
+const MOHR_COULOMB = 9u;
 
 const MIN_STRETCH = 1e-4;
 const MAX_STRETCH = 1e4;
@@ -54,6 +56,7 @@ fn flow(trial: Returned, m: Material) -> Returned {
     switch (m.model) {
         case VON_MISES_HENCKY, VON_MISES_FIXED_COROTATED: { return von_mises_return(trial, m); }
         case DRUCKER_PRAGER: { return drucker_prager_return(trial, m); }
+        case MOHR_COULOMB: { return mohr_coulomb_return(trial, m); }
         case NACC: { return nacc_return(trial, m); }
         case SNOW: { return snow_return(trial, m); }
         default: { return trial; }

@@ -52,6 +52,7 @@ impl<T: Real> Law<T> {
             Self::NeoHookean(law) => Elastic::NeoHookean(*law),
             Self::StvkHencky(law) => Elastic::Hencky(*law),
             Self::DruckerPrager(law) => Elastic::Hencky(law.elastic),
+            Self::MohrCoulomb(law) => Elastic::Hencky(law.elastic),
             Self::Nacc(law) => Elastic::CamClay(*law),
             Self::VonMises(law) => match law.elasticity {
                 Elasticity::Hencky => Elastic::Hencky(law.hencky),

@@ -1,16 +1,21 @@
-//! Cohesionless Drucker–Prager sand (Klár et al. 2016, "Drucker–Prager elastoplasticity for sand
-//! animation", §6) with the volume correction of Tampubolon et al. 2017 ("Multi-species simulation
-//! of porous sand and water mixtures", §4.3.4).
+//! Drucker–Prager sand (Klár et al. 2016, "Drucker–Prager elastoplasticity for sand animation", §6)
+//! with cohesion, dilatancy and an opening between its grains (`opening.rs`).
 //!
-//! Hencky elasticity inside the cone ‖dev ε‖ + α (dλ + 2μ)/(2μ) tr ε ≤ 0, α = √(2/3) 2
-//! sin φ / (3 − sin φ). The plastic state v_c ≥ 0 is the logarithm of the volume that the sand
-//! gained while its grains were apart. Sand resists compression only after it has lost that volume
-//! again. With ε' = ε + v_c/d:
-//! * tr ε' ≥ 0: no contact, ε ← 0, v_c ← tr ε';
-//! * otherwise ε ← ε', projected onto the cone at equal trace if it lies outside, v_c ← 0.
+//! Hencky elasticity inside the cone ‖dev τ‖ + α tr τ ≤ β, or with K = (dλ + 2μ)/(2μ)
+//! ‖dev ε‖ + α K tr ε ≤ β/(2μ). A strain outside flows along dev ε/‖dev ε‖ + α_ψ, α_ψ the same
+//! function of the dilatancy angle as α is of the friction angle. The tip is at τ_i = c cot φ.
+//!
+//! A cone has one strength at a pressure, and a friction angle has a different one in every stress
+//! state. `cone` says in which of them the two are the same; α = g sin φ, β = d g c cos φ:
+//! * triaxial compression, as published: g = √(2/3) 2/(3 − sin φ).
+//! * plane strain (Drucker & Prager 1952). All flow is in the plane once it is all plastic, so the
+//!   stress across has dev τ_z = −α_ψ ‖dev τ‖. With that, 3 α_ψ = sin ψ √(2 − 3 α_ψ²) dilates by ψ
+//!   and g = ⅔/(√(2 − 3 α_ψ²) + α_ψ sin φ) fails at φ. In two dimensions, where dev τ has two
+//!   components and the stress across does not count, g = 1/√2 for both.
 
 use super::StvkHencky;
-use super::parameters;
+use super::opening;
+use super::parameters::{self, Cone};
 use super::principal::{Principal, mean_and_deviator, norm};
 use crate::maths::linalg::Vector;
 use crate::maths::real::Real;
@@ -18,22 +23,56 @@ use crate::maths::real::Real;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DruckerPrager<T> {
     pub elastic: StvkHencky<T>,
-    /// α of the cone.
-    pub slope: T,
+    /// In two and in three dimensions.
+    slopes: [Slopes<T>; 2],
+}
+
+/// Slopes of a cone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Slopes<T> {
+    /// α.
+    pub friction: T,
+    /// α_ψ.
+    pub dilatancy: T,
+    /// β/(2μ).
+    pub strength: T,
 }
 
 impl<T: Real> DruckerPrager<T> {
     pub fn new(material: &parameters::DruckerPrager, elastic: &parameters::Elastic) -> Self {
-        let sin = material.friction_angle_degrees.to_radians().sin();
-        let slope = (2.0f64 / 3.0).sqrt() * 2.0 * sin / (3.0 - sin);
-        Self { elastic: StvkHencky::new(elastic), slope: T::from_f64(slope) }
+        let slopes = [2, 3].map(|dimension| Slopes::new(material, elastic, dimension));
+        Self { elastic: StvkHencky::new(elastic), slopes }
     }
 
-    /// Norm of the deviator that the cone allows at a negative trace.
-    fn radius(&self, dimension: usize, trace: T) -> T {
-        let d = T::from_i32(dimension as i32);
+    /// The cone in a number of dimensions.
+    pub fn slopes(&self, dimension: usize) -> Slopes<T> {
+        self.slopes[dimension - 2]
+    }
+
+    /// α K: how the norm of the deviator that the cone allows grows with −tr ε.
+    pub fn growth(&self, dimension: usize) -> T {
         let StvkHencky { mu, lambda } = self.elastic;
-        -self.slope * (d * lambda + T::TWO * mu) / (T::TWO * mu) * trace
+        self.slopes(dimension).friction * (T::from_i32(dimension as i32) * lambda + T::TWO * mu) / (T::TWO * mu)
+    }
+}
+
+impl<T: Real> Slopes<T> {
+    fn new(material: &parameters::DruckerPrager, elastic: &parameters::Elastic, dimension: usize) -> Self {
+        let (phi, psi) = (material.friction_angle_degrees.to_radians(), material.dilatancy_angle_degrees.to_radians());
+        let sin = phi.sin();
+        let compression = |sin: f64| (2.0f64 / 3.0).sqrt() * 2.0 / (3.0 - sin);
+        let (friction, dilatancy) = match (material.cone, dimension) {
+            (Cone::TriaxialCompression, _) => (compression(sin), psi.sin() * compression(psi.sin())),
+            (Cone::PlaneStrain, 2) => (0.5f64.sqrt(), 0.5f64.sqrt() * psi.sin()),
+            (Cone::PlaneStrain, _) => {
+                let dilatancy = psi.sin() * (2.0 / (9.0 + 3.0 * psi.sin() * psi.sin())).sqrt();
+                let across = (2.0 - 3.0 * dilatancy * dilatancy).sqrt() + dilatancy * sin;
+                (2.0 / 3.0 / across, dilatancy)
+            }
+        };
+        let strength = dimension as f64 * friction * material.cohesion * phi.cos();
+        let [friction, dilatancy] = [friction * sin, dilatancy].map(T::from_f64);
+        Self { friction, dilatancy, strength: T::from_f64(strength / (2.0 * super::lame(elastic).0)) }
     }
 }
 
@@ -53,16 +92,21 @@ impl<T: Real> Principal<T> for DruckerPrager<T> {
     fn return_map<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Option<(Vector<T, D>, T)> {
         let d = T::from_i32(D as i32);
         let (mean, deviator) = mean_and_deviator(&sigma.map(T::ln));
-        let mean = mean + plastic / d;
-        let trace = d * mean;
-        if trace >= T::ZERO {
-            return Some(([T::ONE; D], trace));
+        let (trace, apart) = opening::close(d * mean, plastic);
+        let Slopes { dilatancy, strength, .. } = self.slopes(D);
+        let dilation = if apart > T::ZERO { T::ZERO } else { d * dilatancy };
+        let (growth, length) = (self.growth(D), norm(&deviator));
+        let tip = opening::tip(strength, growth);
+        let opened = trace - tip - dilation * length;
+        if opened >= T::ZERO {
+            return Some(([(tip / d).exp(); D], apart + opened));
         }
-        let (length, allowed) = (norm(&deviator), self.radius(D, trace));
-        if length <= allowed && plastic == T::ZERO {
-            return None;
+        let excess = length + growth * trace - strength;
+        if excess <= T::ZERO {
+            return (apart != plastic).then(|| (deviator.map(|e| (trace / d + e).exp()), apart));
         }
-        let kept = if length > allowed { allowed / length } else { T::ONE };
-        Some((deviator.map(|e| (mean + kept * e).exp()), T::ZERO))
+        let flow = excess / (T::ONE + growth * dilation);
+        let (mean, kept) = ((trace - flow * dilation) / d, T::ONE - flow / length);
+        Some((deviator.map(|e| (mean + kept * e).exp()), apart))
     }
 }

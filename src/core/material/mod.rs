@@ -8,8 +8,10 @@
 mod derivatives;
 mod drucker_prager;
 mod fixed_corotated;
+mod mohr_coulomb;
 mod nacc;
 mod neo_hookean;
+mod opening;
 pub mod parameters;
 mod principal;
 mod samples;
@@ -23,6 +25,7 @@ mod weakly_compressible_fluid;
 pub use derivatives::{Derivatives, EXTENSION};
 pub use drucker_prager::DruckerPrager;
 pub use fixed_corotated::FixedCorotated;
+pub use mohr_coulomb::MohrCoulomb;
 pub use nacc::Nacc;
 pub use neo_hookean::NeoHookean;
 pub use principal::Flow;
@@ -46,6 +49,7 @@ pub enum Law<T> {
     StvkHencky(StvkHencky<T>),
     WeaklyCompressibleFluid(WeaklyCompressibleFluid<T>),
     DruckerPrager(DruckerPrager<T>),
+    MohrCoulomb(MohrCoulomb<T>),
     Nacc(Nacc<T>),
     VonMises(VonMises<T>),
     Snow(Snow<T>),
@@ -58,6 +62,7 @@ macro_rules! principal {
         match $value {
             Law::StvkHencky($law) => $principal,
             Law::DruckerPrager($law) => $principal,
+            Law::MohrCoulomb($law) => $principal,
             Law::Nacc($law) => $principal,
             Law::VonMises($law) => $principal,
             Law::Snow($law) => $principal,
@@ -77,6 +82,7 @@ impl<T: Real> Law<T> {
                 Self::WeaklyCompressibleFluid(WeaklyCompressibleFluid::new(fluid))
             }
             Material::DruckerPrager(sand) => Self::DruckerPrager(DruckerPrager::new(sand, &elastic())),
+            Material::MohrCoulomb(soil) => Self::MohrCoulomb(MohrCoulomb::new(soil, &elastic())),
             Material::Nacc(clay) => Self::Nacc(Nacc::new(clay, &elastic())),
             Material::VonMises(metal) => Self::VonMises(VonMises::new(metal, &elastic())),
             Material::Snow(snow) => Self::Snow(Snow::new(snow, &elastic())),
@@ -139,6 +145,7 @@ impl<T: Real> Law<T> {
             Self::StvkHencky(law) => (law.mu, law.lambda),
             Self::WeaklyCompressibleFluid(law) => (T::ZERO, law.b * law.gamma),
             Self::DruckerPrager(law) => (law.elastic.mu, law.elastic.lambda),
+            Self::MohrCoulomb(law) => (law.elastic.mu, law.elastic.lambda),
             Self::Nacc(law) => (law.mu, law.lambda),
             Self::VonMises(law) => (law.hencky.mu, law.hencky.lambda),
             Self::Snow(law) => (law.elastic.mu, law.elastic.lambda),
@@ -212,6 +219,8 @@ pub fn cauchy(material: &Material, dimension: usize, f: &[f64; 9], plastic: f64)
 
 #[cfg(test)]
 mod derivative_tests;
+#[cfg(test)]
+mod granular_tests;
 #[cfg(test)]
 mod plastic_tests;
 #[cfg(test)]

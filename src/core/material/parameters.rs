@@ -12,6 +12,7 @@ pub enum Material {
     StvkHencky(Elastic),
     WeaklyCompressibleFluid(Fluid),
     DruckerPrager(DruckerPrager),
+    MohrCoulomb(MohrCoulomb),
     Nacc(Nacc),
     VonMises(VonMises),
     Snow(Snow),
@@ -37,7 +38,7 @@ impl Material {
 
     /// Whether particles carry a scalar of plastic state beside F.
     pub fn has_plastic_state(&self) -> bool {
-        matches!(self, Self::DruckerPrager(_) | Self::Nacc(_) | Self::Snow(_))
+        matches!(self, Self::DruckerPrager(_) | Self::MohrCoulomb(_) | Self::Nacc(_) | Self::Snow(_))
     }
 
     /// Density and elastic moduli of a solid; none for a fluid.
@@ -46,6 +47,7 @@ impl Material {
         Some(match self {
             Self::FixedCorotated(e) | Self::NeoHookean(e) | Self::StvkHencky(e) => e.clone(),
             Self::DruckerPrager(m) => elastic(m.density, m.youngs_modulus, m.poissons_ratio),
+            Self::MohrCoulomb(m) => elastic(m.density, m.youngs_modulus, m.poissons_ratio),
             Self::Nacc(m) => elastic(m.density, m.youngs_modulus, m.poissons_ratio),
             Self::VonMises(m) => elastic(m.density, m.youngs_modulus, m.poissons_ratio),
             Self::Snow(m) => elastic(m.density, m.youngs_modulus, m.poissons_ratio),
@@ -86,7 +88,7 @@ fn default_gamma() -> f64 {
     7.15
 }
 
-/// Cohesionless sand: Hencky elasticity inside a Drucker–Prager cone, with volume correction.
+/// Sand: Hencky elasticity inside a Drucker–Prager cone, with volume correction. Its friction angle holds in one stress state, which `cone` names; that of `mohr-coulomb` holds in all.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DruckerPrager {
@@ -98,6 +100,46 @@ pub struct DruckerPrager {
     pub poissons_ratio: f64,
     /// Angle of internal friction (degrees), in [0, 90).
     pub friction_angle_degrees: f64,
+    /// Shear strength without pressure (Pa).
+    #[serde(default)]
+    pub cohesion: f64,
+    /// Angle by which flow dilates (degrees), from 0 to the friction angle; 0 keeps the volume.
+    #[serde(default)]
+    pub dilatancy_angle_degrees: f64,
+    /// The stress state in which the angles hold.
+    #[serde(default)]
+    pub cone: Cone,
+}
+
+/// The stress state in which a Drucker–Prager cone has its friction angle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Cone {
+    /// One large and two equal smaller pressures, as published. In plane strain 30 degrees act like 28 in 2D and like up to 44 in 3D.
+    #[default]
+    TriaxialCompression,
+    /// No strain along one axis: long walls, slopes and footings, and everything in 2D.
+    PlaneStrain,
+}
+
+/// Soil and sand: Hencky elasticity inside the Mohr–Coulomb surface, with volume correction. The friction angle is the same in every stress state. Without friction it is Tresca's law.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MohrCoulomb {
+    /// Mass density at rest (kg/m³).
+    pub density: f64,
+    /// Young's modulus (Pa).
+    pub youngs_modulus: f64,
+    /// Poisson's ratio, in (-1, 0.5).
+    pub poissons_ratio: f64,
+    /// Angle of internal friction (degrees), in [0, 90).
+    pub friction_angle_degrees: f64,
+    /// Shear strength without pressure (Pa).
+    #[serde(default)]
+    pub cohesion: f64,
+    /// Angle by which flow dilates (degrees), from 0 to the friction angle; 0 keeps the volume.
+    #[serde(default)]
+    pub dilatancy_angle_degrees: f64,
 }
 
 /// Non-associative Cam Clay: brittle to ductile fracture, hardening under compression and softening under extension.

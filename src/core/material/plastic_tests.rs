@@ -16,7 +16,7 @@ const ELASTIC: Elastic = Elastic { density: 1000.0, youngs_modulus: 1e5, poisson
 /// A plastic state that the law can reach, from a number in [0, 1).
 fn plastic_state(material: &Material, share: f64) -> f64 {
     match material {
-        Material::DruckerPrager(_) => {
+        Material::DruckerPrager(_) | Material::MohrCoulomb(_) => {
             if share < 0.5 {
                 0.0
             } else {
@@ -121,8 +121,12 @@ fn yield_excess<const D: usize>(law: &Law<f64>, sigma: &Vector<f64, D>, plastic:
         Law::DruckerPrager(sand) => {
             let strain = sigma.map(f64::ln);
             let trace: f64 = strain.iter().sum();
-            let (mu, lambda) = (sand.elastic.mu, sand.elastic.lambda);
-            norm(deviator(strain)) + sand.slope * (D as f64 * lambda + 2.0 * mu) / (2.0 * mu) * trace
+            norm(deviator(strain)) + sand.growth(D) * trace - sand.slopes(D).strength
+        }
+        Law::MohrCoulomb(soil) => {
+            let strain = sigma.map(f64::ln);
+            let (most, least) = strain.iter().fold((f64::MIN, f64::MAX), |(m, l), &e| (m.max(e), l.min(e)));
+            soil.excess(most, least, strain.iter().sum())
         }
         Law::VonMises(metal) => {
             (norm(deviator(metal.kirchhoff(sigma, plastic))) - metal.radius) / ELASTIC.youngs_modulus
@@ -236,9 +240,12 @@ fn volume_rules() {
                 Material::VonMises(metal) if metal.elasticity == parameters::Elasticity::Hencky => {
                     assert!((now / before - 1.0).abs() < 1e-12);
                 }
-                // The elastic and plastic volumes make up the total.
-                Material::DruckerPrager(_) => {
-                    assert!((now.ln() + state - before.ln() - plastic).abs() < 1e-12, "{state} from {plastic}");
+                // The elastic volume and the opening make up the total. Dilation is the rest.
+                Material::DruckerPrager(parameters::DruckerPrager { dilatancy_angle_degrees: psi, .. })
+                | Material::MohrCoulomb(parameters::MohrCoulomb { dilatancy_angle_degrees: psi, .. }) => {
+                    let dilation = before.ln() + plastic - now.ln() - state;
+                    let most = if *psi == 0.0 { 1e-12 } else { f64::INFINITY };
+                    assert!((-1e-12..most).contains(&dilation), "{material:?}: {dilation}, {state} from {plastic}");
                 }
                 Material::Snow(_) => assert!((now * state / (before * plastic) - 1.0).abs() < 1e-12),
                 Material::Nacc(clay) => {
@@ -261,8 +268,19 @@ fn volume_rules() {
 
 #[test]
 fn sand_must_lose_the_volume_that_it_gained() {
-    let sand = samples().into_iter().find(|m| matches!(m, Material::DruckerPrager(_))).unwrap();
-    let law = Law::<f64>::new(&sand);
+    let is_dry = |m: &Material| match m {
+        Material::DruckerPrager(m) => m.cohesion == 0.0 && m.dilatancy_angle_degrees == 0.0,
+        Material::MohrCoulomb(m) => m.cohesion == 0.0 && m.dilatancy_angle_degrees == 0.0,
+        _ => false,
+    };
+    let dry: Vec<Material> = samples().into_iter().filter(is_dry).collect();
+    assert_eq!(dry.len(), 2);
+    for sand in &dry {
+        opens_and_closes(&Law::<f64>::new(sand));
+    }
+}
+
+fn opens_and_closes(law: &Law<f64>) {
     let mut f = [[1.1, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let mut gained = 0.0;
     law.return_map(&mut f, &mut gained);

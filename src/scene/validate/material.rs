@@ -24,11 +24,12 @@ pub fn check_material(check: &mut Check, at: &str, material: &Material) {
             }
         }
         Material::DruckerPrager(sand) => {
-            let (at, angle) = (field("friction_angle_degrees"), sand.friction_angle_degrees);
-            if check.finite(&at, angle) && !(0.0..90.0).contains(&angle) {
-                let reason = format!("the friction angle is {angle} degrees");
-                check.fault(&at, "out_of_range", reason, "write degrees from 0 to below 90; dry sand has 30 to 40");
-            }
+            let angles = (sand.friction_angle_degrees, sand.dilatancy_angle_degrees);
+            check_granular(check, at, angles, sand.cohesion);
+        }
+        Material::MohrCoulomb(soil) => {
+            let angles = (soil.friction_angle_degrees, soil.dilatancy_angle_degrees);
+            check_granular(check, at, angles, soil.cohesion);
         }
         Material::Nacc(clay) => {
             check.positive(&field("M"), clay.m, "the slope of the critical state line");
@@ -46,6 +47,22 @@ pub fn check_material(check: &mut Check, at: &str, material: &Material) {
             check.not_negative(&field("critical_stretch"), snow.critical_stretch, "the critical stretch");
             check.not_negative(&field("hardening"), snow.hardening, "the hardening");
         }
+    }
+}
+
+fn check_granular(check: &mut Check, at: &str, (friction, dilatancy): (f64, f64), cohesion: f64) {
+    check.not_negative(&join(at, "cohesion"), cohesion, "the cohesion");
+    let (friction_at, dilatancy_at) = (join(at, "friction_angle_degrees"), join(at, "dilatancy_angle_degrees"));
+    if check.finite(&friction_at, friction) && !(0.0..90.0).contains(&friction) {
+        let reason = format!("the friction angle is {friction} degrees");
+        let remedy = "write degrees from 0 to below 90; dry sand has 30 to 40";
+        return check.fault(&friction_at, "out_of_range", reason, remedy);
+    }
+    if check.finite(&dilatancy_at, dilatancy) && !(0.0..=friction).contains(&dilatancy) {
+        let reason = format!("the dilatancy angle is {dilatancy} degrees, the friction angle {friction}");
+        let remedy =
+            "write degrees from 0 to the friction angle; dense sand dilates by about 30 less than its friction angle";
+        check.fault(&dilatancy_at, "out_of_range", reason, remedy);
     }
 }
 

@@ -160,7 +160,9 @@ pub(super) fn random_states(rng: &mut StdRng, materials: &[Material], each: usiz
             let (u, v) = (svd(&random_matrix(rng, 1.0)).u, svd(&random_matrix(rng, 1.0)).u);
             let f = mul_transpose(&mul(&u, &stretch), &v);
             let plastic = match material {
-                Material::DruckerPrager(_) => rng.random_range(0.0..0.05f64) * f64::from(rng.random_range(0..2)),
+                Material::DruckerPrager(_) | Material::MohrCoulomb(_) => {
+                    rng.random_range(0.0..0.05f64) * f64::from(rng.random_range(0..2))
+                }
                 Material::Nacc(_) => rng.random_range(-0.1..0.02),
                 Material::Snow(_) => rng.random_range(0.9..1.1),
                 other => initial_plastic_state(other),
@@ -223,7 +225,7 @@ fn laws_agree_with_the_cpus() {
         println!("{worst:?} {material:?}");
         assert!(worst.iter().zip(TOLERANCE).all(|(d, t)| *d <= t), "{worst:?} for {material:?}");
     }
-    // Planted: every parameter of every law off by a thousandth must show.
+    // Planted: every parameter of every law off by three thousandths must show, unless it is 0.
     for index in 0..materials.len() {
         let json = serde_json::to_value(&materials[index]).unwrap();
         for (name, value) in json
@@ -232,7 +234,7 @@ fn laws_agree_with_the_cpus() {
             .iter()
             .filter(|(name, _)| !["density", "alpha0", "viscosity"].contains(&name.as_str()))
         {
-            let Some(value) = value.as_f64() else { continue };
+            let Some(value) = value.as_f64().filter(|value| *value != 0.0) else { continue };
             let mut planted = json.clone();
             planted[name] = (value * 1.003).into();
             let mut wrong = materials.clone();

@@ -100,9 +100,13 @@ pub fn material(material: &Material) -> layout::Material {
             let model = if l.elasticity == Elasticity::Hencky { 4 } else { 5 };
             (model, [l.hencky.mu, l.hencky.lambda, l.radius, 0.0, 0.0])
         }
-        Law::DruckerPrager(l) => (6, [l.elastic.mu, l.elastic.lambda, l.slope, 0.0, 0.0]),
+        Law::DruckerPrager(l) => {
+            let s = l.slopes(3);
+            (6, [l.elastic.mu, l.elastic.lambda, s.friction, s.dilatancy, s.strength])
+        }
         Law::Nacc(l) => (7, [l.mu, l.lambda, l.m, l.beta, l.xi]),
         Law::Snow(l) => (8, [l.elastic.mu, l.elastic.lambda, l.least, l.most, l.hardening]),
+        Law::MohrCoulomb(l) => (9, [l.elastic.mu, l.elastic.lambda, l.sin_friction, l.sin_dilatancy, l.strength]),
     };
     let [a, b, c, d, e] = parameters.map(|x| x as f32);
     layout::Material { model, a, b, c, d, e, ..layout::Material::default() }
