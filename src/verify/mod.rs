@@ -5,6 +5,7 @@
 //! their own step use the CPU's stages.
 
 mod boundaries;
+mod earth_pressure;
 mod forced;
 mod granular;
 mod implicit;
@@ -49,6 +50,8 @@ pub const CASES: &[Case] = &[
     moduli::FREE_BAR,
     moduli::CANTILEVER,
     still_water::STILL_WATER,
+    earth_pressure::EARTH_PRESSURE,
+    granular::ANGLE_OF_REPOSE,
     granular::GRANULAR_COLUMN,
     von_neumann::VON_NEUMANN,
     single_particle::SINGLE_PARTICLE,
