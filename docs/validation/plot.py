@@ -123,7 +123,7 @@ def main():
     lines(curves(directory, "cantilever"), out, "cantilever", "Cantilever let go under its own weight", seconds, "tip deflection (m)")
     lines(curves(directory, "sticky-floor"), out, "sticky-floor", "Jelly cube on a sticky floor: height of its roof", seconds, "height (m)")
     lines(curves(directory, "hollow-cylinder"), out, "hollow-cylinder", "Ball in a hollow cylinder: way fallen", seconds, "way (m)")
-    lines(curves(directory, "granular-column"), out, "granular-column", "Collapse of a granular column", "aspect ratio", "run-out / initial length")
+    lines(curves(directory, "granular-column-run-out"), out, "granular-column", "Collapse of a granular column", "aspect ratio", "run-out / initial length")
     lines(curves(directory, "implicit-cantilever"), out, "implicit-cantilever", "Cantilever, implicit Euler", seconds, "tip deflection (m)")
     convergence(curves(directory, "implicit-convergence"), out)
     table(report)

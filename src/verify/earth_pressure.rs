@@ -12,7 +12,7 @@ use gridfall_engine::{EngineError, NoControl};
 
 pub const EARTH_PRESSURE: Case = Case {
     name: "earth-pressure",
-    claim: "sand of 30° pushes back on a smooth wall with 3 times its weight's pressure, and on one that yields with 1/3",
+    claim: "sand of 30° resists a smooth wall with 3 times its weight's pressure, and follows one that yields with 1/3",
     source: "Rankine 1857: (1 + sin φ)/(1 − sin φ) for a wall that pushes, its inverse for one that yields",
     gpu: true,
     quick: true,
@@ -45,8 +45,10 @@ fn sand(dimension: usize, cells: f64, law: &Value, travel: f64) -> Value {
         "materials": { "sand": material },
         "bodies": [ { "name": "fill", "material": "sand",
                       "shape": { "box": { "min": vec![0; dimension], "max": extent(1.0, height) } } } ],
-        "colliders": [ { "name": "wall", "contact": "slip", "shape": { "box": { "min": place(1.0, -1.0), "max": end } },
-                         "motion": { "keyframes": [ { "time": 0 }, { "time": 0.4 }, { "time": 1, "offset": offset } ] } } ],
+        "colliders": [ {
+            "name": "wall", "contact": "slip", "shape": { "box": { "min": place(1.0, -1.0), "max": end } },
+            "motion": { "keyframes": [ { "time": 0 }, { "time": 0.4 }, { "time": 1, "offset": offset } ] },
+        } ],
     })
 }
 

@@ -30,6 +30,14 @@ const SOILS: [&str; 3] = [
         "xi": 3, "alpha0": -0.01 }"#,
     r#"{ "model": "snow", "density": 400, "youngs_modulus": 1e4, "poissons_ratio": 0.2 }"#,
 ];
+const GRAINS: [&str; 3] = [
+    r#"{ "model": "mohr-coulomb", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3,
+        "friction_angle_degrees": 30, "cohesion": 200, "dilatancy_angle_degrees": 10 }"#,
+    r#"{ "model": "drucker-prager", "density": 1500, "youngs_modulus": 2e4, "poissons_ratio": 0.3,
+        "friction_angle_degrees": 35, "cone": "plane-strain" }"#,
+    r#"{ "model": "mohr-coulomb", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3,
+        "friction_angle_degrees": 40 }"#,
+];
 const METALS: [&str; 3] = [
     r#"{ "model": "von-mises", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3, "yield_stress": 500 }"#,
     r#"{ "model": "von-mises", "density": 1500, "youngs_modulus": 2e4, "poissons_ratio": 0.4, "yield_stress": 800,
@@ -179,6 +187,7 @@ fn stages_agree_on_random_states() {
         ("compact", "mls", SOILS),
         ("compact", "mls", METALS),
         ("quadratic", "apic", SOILS),
+        ("compact", "mls", GRAINS),
     ];
     for (seed, (kernel, transfer, materials)) in cases.into_iter().enumerate() {
         let problem = random_scene(kernel, transfer, materials, 11 + seed as u64);
@@ -234,6 +243,7 @@ fn fused_steps_follow_the_reference() {
         ("quadratic", "apic", ELASTIC),
         ("compact", "mls", SOILS),
         ("compact", "mls", METALS),
+        ("quadratic", "mls", GRAINS),
     ] {
         let mut problem = scene(kernel, transfer, materials);
         (problem.setup.max_dt_s, problem.setup.cfl) = (Some(DT_S), 1.0);

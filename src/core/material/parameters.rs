@@ -88,7 +88,7 @@ fn default_gamma() -> f64 {
     7.15
 }
 
-/// Sand: Hencky elasticity inside a Drucker–Prager cone, with volume correction. Its friction angle holds in one stress state, which `cone` names; that of `mohr-coulomb` holds in all.
+/// Sand: Hencky elasticity inside a Drucker–Prager cone. The friction angle holds in the stress state of `cone`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DruckerPrager {
@@ -115,14 +115,14 @@ pub struct DruckerPrager {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Cone {
-    /// One large and two equal smaller pressures, as published. In plane strain 30 degrees act like 28 in 2D and like up to 44 in 3D.
+    /// Two equal pressures and a larger one, as published. In plane strain 30 degrees act like 28 (2D) and 44 (3D).
     #[default]
     TriaxialCompression,
-    /// No strain along one axis: long walls, slopes and footings, and everything in 2D.
+    /// No strain along one axis: long walls, slopes and footings, and all scenes in 2D.
     PlaneStrain,
 }
 
-/// Soil and sand: Hencky elasticity inside the Mohr–Coulomb surface, with volume correction. The friction angle is the same in every stress state. Without friction it is Tresca's law.
+/// Soil and sand: Hencky elasticity inside the Mohr–Coulomb surface. The friction angle holds in every stress state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MohrCoulomb {
