@@ -55,7 +55,7 @@ def lines(found, out, case, title, x, y, scale=1.0, log=False):
         for label, values in rest:
             quantity = label.rsplit("_m", 1)[0]
             text = quantity if len(found) == 1 else name if len(rest) == 1 else f"{name} {quantity}"
-            style = "k--" if label in ("exact_m", "free_m", "expected_m") else "-"
+            style = "k--" if label in ("exact_m", "free_m", "expected") else "-"
             axes.plot(time, [scale * v for v in values], style, label=text.replace("_", " "), linewidth=1.2)
     if log:
         axes.set_yscale("log")
