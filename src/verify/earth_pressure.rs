@@ -58,7 +58,7 @@ fn earth_pressure(session: &mut Session) -> Result<(), EngineError> {
         Target::Gpu => &[3],
     };
     let laws = [
-        ("Mohr–Coulomb", json!({ "model": "mohr-coulomb" })),
+        ("mohr-coulomb", json!({ "model": "mohr-coulomb" })),
         ("plane-strain cone", json!({ "model": "drucker-prager", "cone": "plane-strain" })),
     ];
     for &dimension in dimensions {
