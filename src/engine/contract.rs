@@ -66,6 +66,8 @@ pub enum EngineError {
     Diverged { step: u64, time_s: f64, what: String },
     #[error("a particle left the domain at step {step} (t = {time_s:.6} s): {what}")]
     LeftDomain { step: u64, time_s: f64, what: String },
+    #[error("no room left for a source at t = {time_s:.6} s: {what}")]
+    VesselFull { time_s: f64, what: String },
     #[error("this engine cannot run the scene: {0}")]
     Unsupported(String),
     #[error("the device was lost: {0}")]
@@ -82,6 +84,7 @@ impl EngineError {
             Self::Capacity(_) => "capacity",
             Self::Diverged { .. } => "diverged",
             Self::LeftDomain { .. } => "left_domain",
+            Self::VesselFull { .. } => "vessel_full",
             Self::Unsupported(_) => "unsupported",
             Self::DeviceLost(_) => "device_lost",
             Self::NoDevice(_) => "no_device",

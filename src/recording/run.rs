@@ -15,6 +15,7 @@ use crate::picture::thumbnail;
 use crate::picture::thumbnail_selection;
 use crate::writer::{Header, Severity, Writer};
 use gridfall_core::sim::diagnostics::{Row, SolverRow, Totals};
+use gridfall_core::sim::inlet::Inlets;
 use gridfall_core::sim::setup::{OutputField, Setup};
 use gridfall_engine::{Control, Engine, EngineError, FrameStats, Solve};
 
@@ -145,9 +146,11 @@ impl Frame {
         setup: &Setup,
         engine: &mut dyn Engine,
         wanted: &Wanted,
+        inlets: &mut Inlets,
         frame: u64,
         stats: FrameStats,
     ) -> Result<Self, EngineError> {
+        inlets.clear();
         let mut totals = Totals::default();
         // Positions and velocities do for pictures; all other fields are functions of the deformation.
         let deformation = setup.fields.iter().any(|field| *field != OutputField::Velocity);
@@ -157,6 +160,7 @@ impl Frame {
         let part = (setup.total_particles() / PARTS).max(1 << 16).next_multiple_of(Totals::PART);
         engine.visit(part, &mut |first, particles| {
             totals.add(setup, &particles);
+            inlets.add(&particles.x, &particles.body);
             excerpt.take(&wanted.recorded, first, &particles);
             if let Some(still) = &mut still {
                 still.take(&wanted.still, first, &particles);
@@ -165,6 +169,18 @@ impl Frame {
         let row = totals.row(setup, frame, frame as f64 * setup.frame_s, &stats);
         Ok(Self { row, solves: stats.solves, excerpt, still })
     }
+}
+
+/// Fails if a source is to emit into a vessel that is full.
+fn refuse_full(setup: &Setup, inlets: &Inlets, frame: u32) -> Result<(), EngineError> {
+    let Some((source, fill)) = inlets.full(frame) else { return Ok(()) };
+    let name = &setup.bodies[setup.sources[source].body].name;
+    let time_s = f64::from(frame) * setup.frame_s;
+    let what = format!(
+        "the source \"{name}\" has {fill:.2} times the material at its shape that fits there; end it earlier \
+         (`until`), make it slower, or give what it fills more room or a way out"
+    );
+    Err(EngineError::VesselFull { time_s, what })
 }
 
 /// Computes all frames and passes each to `take`, until it refuses one.
@@ -176,14 +192,16 @@ fn step(
     take: impl Fn(Frame) -> bool,
 ) -> Result<(), EngineError> {
     let mut stats = FrameStats::default();
+    let mut inlets = Inlets::new(setup);
     for frame in 0..=u64::from(setup.frames) {
         if frame > 0 {
             if observer.canceled() {
                 return Err(EngineError::Canceled);
             }
+            refuse_full(setup, &inlets, frame as u32 - 1)?;
             stats = advance(setup, engine, frame as u32 - 1, observer)?;
         }
-        if !take(Frame::take(setup, engine, wanted, frame, std::mem::take(&mut stats))?) {
+        if !take(Frame::take(setup, engine, wanted, &mut inlets, frame, std::mem::take(&mut stats))?) {
             break;
         }
     }

@@ -4,12 +4,18 @@ use gridfall_core::sim::collider::Sdf;
 use gridfall_core::sim::source::Source;
 
 use crate::sampling::Lattice;
-use crate::schema::{self, Body, Domain, Sampling, Scene};
+use crate::schema::{self, Body, Boundary, Domain, Sampling, Scene};
 use crate::vectors::vector3;
 
 /// Cells on each axis, unrounded; 1 on z in 2D.
 pub(crate) fn cells(domain: &Domain, dimension: usize) -> [f64; 3] {
     std::array::from_fn(|a| if a < dimension { (domain.max[a] - domain.min[a]) / domain.dx } else { 1.0 })
+}
+
+/// Which axes are periodic.
+pub(crate) fn periodic(domain: &Domain, dimension: usize) -> [bool; 3] {
+    let is_periodic = |name: &str| matches!(domain.boundary.get(name), Some(Boundary::Periodic(_)));
+    std::array::from_fn(|a| a < dimension && is_periodic(["x", "y", "z"][a]))
 }
 
 /// Frames of a run after frame 0.

@@ -1,7 +1,7 @@
-// What one particle does between gather and scatter: x ← x + dt v, F ← (I + dt ∇v) F, with the
-// guards of the step.
+// What one particle does between gather and scatter: its volume follows the fill, x ← x + dt v,
+// F ← (I + dt ∇v) F, with the guards of the step.
 //
-// uses explicit/transfer, shared/state
+// uses explicit/transfer, explicit/fill
 
 struct Advanced {
     ok: bool,
@@ -16,12 +16,17 @@ fn block_corner(block: u32) -> vec3<f32> {
     return vec3<f32>(4 * block_coordinates(block) - params.pad);
 }
 
-fn advance(corner: vec3<f32>, y: vec3<f32>, g: Gathered, state: Deformation, material: Material, id: u32,
+fn advance(corner: vec3<f32>, y: vec3<f32>, g: Gathered, before: Deformation, body: Body, id: u32, dt: f32,
     principal: ptr<function, Principal>) -> Advanced {
     var out: Advanced;
-    let move_cells = g.v * (params.dt / params.dx);
+    let material = materials[body.material];
+    var state = before;
+    if (body.rate > 0.0) {
+        state = relaxed(before, material.model, body, dt, fill_around(corner, y));
+    }
+    let move_cells = g.v * (dt / params.dx);
     let farthest = max(max(abs(move_cells.x), abs(move_cells.y)), abs(move_cells.z));
-    let growth = g.gradient * (params.dt / params.dx);
+    let growth = g.gradient * (dt / params.dx);
     out.state = deform(state, material, growth, principal);
     let size = select(norm2(out.state.F), abs(out.state.J), material.model == FLUID);
     // Written so that NaN fails the test: on Vulkan x != x is not reliable.
@@ -39,6 +44,19 @@ fn advance(corner: vec3<f32>, y: vec3<f32>, g: Gathered, state: Deformation, mat
         atomicOr(&report.halt, HALT_REPLAN);
     }
     out.y = y + move_cells;
+    // The plane of a sticky wall stops those that come from inside.
+    for (var a = 0u; a < 3u; a++) {
+        if (params.periodic[a] == 0u) {
+            let low = -corner[a] - SHIFT;
+            let high = params.cells[a] - corner[a] - SHIFT;
+            if (u32(params.walls[2u * a].x) == STICKY && y[a] >= low) {
+                out.y[a] = max(out.y[a], low);
+            }
+            if (u32(params.walls[2u * a + 1u].x) == STICKY && y[a] <= high) {
+                out.y[a] = min(out.y[a], high);
+            }
+        }
+    }
     let x = corner + out.y + SHIFT;
     let outside = (x < vec3<f32>(-1.0)) | (x > params.cells + 1.0);
     if (any(outside & (params.periodic == vec3<u32>(0u)))) {

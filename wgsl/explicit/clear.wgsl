@@ -12,8 +12,8 @@ fn main(
     if (slot >= report.groups[GROUPS_BLOCKS_OUT]) {
         return;
     }
-    for (var i = lane; i < 256u * GRIDS; i += WORKGROUP) {
-        atomicStore(&grid_out[slot * 256u * GRIDS + i], 0);
+    for (var i = lane; i < GRID_STRIDE * GRIDS; i += WORKGROUP) {
+        atomicStore(&grid_out[slot * GRID_STRIDE * GRIDS + i], 0);
     }
     if (lane == 0u) {
         atomicStore(&bins[slot], 0u);

@@ -1,12 +1,16 @@
 // Contact of the grid's nodes with colliders (CK-MPM §3.3), one after the other. Positions relative
 // to domain.min (m).
 //
-// uses explicit/reactions, shared/distance
+// uses explicit/reactions, shared/distance, shared/kernel_*
+
+/// What is left of a node's velocity, and of its room, as if surfaces were planes.
+struct Met { v: vec3<f32>, room: f32 }
 
 /// `mass`: fixed-point momentum per velocity; `slot`: of the block, whose workgroup books what
 /// colliders take.
-fn collide(v_in: vec3<f32>, x: vec3<f32>, mass: f32, slot: u32) -> vec3<f32> {
+fn collide(v_in: vec3<f32>, x: vec3<f32>, mass: f32, slot: u32) -> Met {
     var v = v_in;
+    var room = 1.0;
     for (var c = 0u; c < params.colliders; c++) {
         let collider = colliders[c];
         let pose = poses[(report.index - params.first_step) * params.colliders + c];
@@ -14,7 +18,11 @@ fn collide(v_in: vec3<f32>, x: vec3<f32>, mass: f32, slot: u32) -> vec3<f32> {
             continue;
         }
         let local = to_local(pose, x);
-        if (distance_to(collider, local) > 0.0) {
+        let distance = distance_to(collider, local);
+        if (pose.center.w != 0.0) {
+            room *= inside(vec3<f32>(distance / params.dx)).x;
+        }
+        if (distance > 0.0 || mass <= 0.0) {
             continue;
         }
         let n = surface_normal(collider, pose, local, params.dx);
@@ -23,5 +31,5 @@ fn collide(v_in: vec3<f32>, x: vec3<f32>, mass: f32, slot: u32) -> vec3<f32> {
         take(slot, WALLS + c, mass * (v - after), (x - pose.center.xyz) / params.dx);
         v = after;
     }
-    return v;
+    return Met(v, room);
 }

@@ -1,4 +1,5 @@
-// Last step of a frame: grid → particles, and full states by id for read-back and for the next
+// End of a frame: grid → particles (without motion if frames begin and end with half a step's
+// forces), and full states by id for read-back and for the next
 // frame's p2g.
 // Particles that share no node with another are reset (Bai & Schroeder §5; twin:
 // src/engine/explicit/cpu/isolated.rs).
@@ -55,7 +56,7 @@ fn main(
     let corner = block_corner(job.block);
     open_gather(job.block, lane);
     workgroupBarrier();
-    load_velocities(lane);
+    load_nodes(lane);
     workgroupBarrier();
     for (var i = lane; i < job.count; i += WORKGROUP) {
         let from_ = list[job.start + i];
@@ -66,7 +67,8 @@ fn main(
         let material = materials[body.material];
         var g = gather(y);
         var principal: Principal;
-        var next = advance(corner, y, g, load_deformation(from_, material.model), material, id, &principal);
+        let before = load_deformation(from_, material.model);
+        var next = advance(corner, y, g, before, body, id, params.end_dt, &principal);
         if (next.ok && is_alone(y, body.mass)) {
             atomicAdd(&report.isolated, 1u);
             next.state.F = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);

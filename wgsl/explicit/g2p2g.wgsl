@@ -23,7 +23,7 @@ fn main(
     open_gather(job.block, lane);
     open_scatter(job.block, lane);
     workgroupBarrier();
-    load_velocities(lane);
+    load_nodes(lane);
     workgroupBarrier();
     for (var i = lane; i < job.count; i += WORKGROUP) {
         let to = job.start + i;
@@ -35,14 +35,16 @@ fn main(
         let material = materials[body.material];
         let g = gather(y);
         var principal: Principal;
-        let next = advance(corner, y, g, load_deformation(from_, material.model), material, id, &principal);
+        let next = advance(corner, y, g, load_deformation(from_, material.model), body, id, params.dt, &principal);
         var destination = vec2<u32>(0xffffffffu, 0u);
         if (next.ok) {
             let stress = kirchhoff(next.state, principal, material, g.gradient * (1.0 / params.dx));
             if (stress.stiffening * body.demand > params.soft_demand) {
                 atomicOr(&report.halt, HALT_REPLAN);
             }
-            if (!scatter(id, next.y, body.mass, g.v, g.B, stress.tau * (body.volume * params.dt / params.dx))) {
+            let impulse = stress.tau * (body.volume * kick(report.index + 1u) / params.dx);
+            let cells = filled_cells(next.state, material.model, body);
+            if (!scatter(id, next.y, body.mass, cells, g.v, g.B, impulse)) {
                 fail(ERROR_NAN, id);
             }
             let n = vec3<u32>(next.shift + vec3<i32>(1));

@@ -28,7 +28,15 @@ struct Params {
     soft_demand: f32,        // demand of a material (1/s²) above which the host plans smaller steps
     soft_growth: f32,        // entry of dt ∇v above which it does
     live: u32,               // particles that there are
+    fills: u32,              // FILLS_*
+    cell_scale: f32,         // fixed-point units, of what FILLS_* names, per cell that is filled
+    first_kick: f32,         // time over which forces act before the motion of step 0 (s)
+    last_kick: f32,          // and before that of `last_step` (s); all others: dt
+    last_step: u32,
+    end_dt: f32,             // time over which the frame's last g2p moves particles (s)
+    spare0: u32,
     spare1: u32,
+    spare2: u32,
     walls: array<vec4<f32>, 6>, // x-, x+, y-, y+, z-, z+: contact kind, friction, unused, unused
 }
 
@@ -59,7 +67,7 @@ struct Work { block: u32, start: u32, count: u32, unused: u32 }
 @group(0) @binding(3) var<storage, read_write> table_out: array<atomic<u32>>;
 @group(0) @binding(4) var<storage, read_write> blocks_in: array<u32>; // [0] count, then block by slot
 @group(0) @binding(5) var<storage, read_write> blocks_out: array<atomic<u32>>;
-@group(0) @binding(6) var<storage, read_write> grid_in: array<i32>; // slot, grid, channel (m, p), node
+@group(0) @binding(6) var<storage, read_write> grid_in: array<i32>; // slot, grid, channel, node
 @group(0) @binding(7) var<storage, read_write> grid_out: array<atomic<i32>>;
 @group(0) @binding(8) var<storage, read_write> bins: array<atomic<u32>>; // slot of `_out` -> count, then start
 @group(0) @binding(9) var<storage, read_write> work: array<Work>;
@@ -82,6 +90,18 @@ struct Work { block: u32, start: u32, count: u32, unused: u32 }
 @group(0) @binding(26) var<storage, read_write> reactions: array<atomic<u32>>; // replica, surface, two words a sum
 
 override WORKGROUP: u32 = 64u;
+
+// Channels of a block's nodes in `grid_*`: mass, momentum by axis, and what fills the node. After
+// the grid update velocities lie in the momentum's place, and in the last one what `fill` reads.
+const CHANNEL = 64u;
+const NODE_CHANNELS = 5u;
+const FILLED = 256u;      // first of the last channel
+const GRID_STRIDE = 320u; // of a block's nodes of one grid
+
+// How a node's share of filled cells is known.
+const FILLS_NOTHING = 0u; // nobody asks
+const FILLS_MASS = 1u;    // by its mass, because there is one material
+const FILLS_VOLUME = 2u;  // by the rest volumes that p2g sums
 
 const HALT_BLOCKS = 1u;   // more blocks wanted than there are slots; the step was not begun
 const HALT_REPLAN = 2u;   // a particle moved further than planned; the step is complete
@@ -106,6 +126,14 @@ const GROUPS_PARTICLES = 5u;
 
 /// Most particles a workgroup takes; more of a block are shared out.
 const WORK_MAX = 1024u;
+
+/// Time over which forces act before the motion of a step (s).
+fn kick(step: u32) -> f32 {
+    if (step == 0u) {
+        return params.first_kick;
+    }
+    return select(params.dt, params.last_kick, step == params.last_step);
+}
 
 fn halted() -> bool {
     return atomicLoad(&report.halt) != 0u;

@@ -4,7 +4,7 @@
 // One workgroup a work item, one lane a particle at a time; sums are integers in workgroup memory,
 // then in the grid.
 //
-// uses explicit/transfer, explicit/state_io
+// uses explicit/transfer, explicit/fill, explicit/state_io
 
 @compute @workgroup_size(WORKGROUP)
 fn main(
@@ -36,7 +36,8 @@ fn main(
         }
         let grad_v = times_inverse_moment(B, y) * (1.0 / params.dx);
         let stress = kirchhoff(state, decompose(state, material.model), material, grad_v);
-        if (!scatter(id, y, body.mass, v, B, stress.tau * (body.volume * params.dt / params.dx))) {
+        let impulse = stress.tau * (body.volume * kick(report.index) / params.dx);
+        if (!scatter(id, y, body.mass, filled_cells(state, material.model, body), v, B, impulse)) {
             fail(ERROR_NAN, id);
         }
         position_out[to] = vec4<u32>(frame_position[id].xyz, id);

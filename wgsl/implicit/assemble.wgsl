@@ -77,7 +77,15 @@ fn main(
                 before = run_sum[r - 1u];
             }
             let p = run_first[r] + k - before;
-            stencils[lane] = stencil(offset_of(p));
+            let y = offset_of(p);
+            stencils[lane] = stencil(y);
+            if (MLS) {
+                // Distances from each grid's mean: all that g needs of them.
+                let m = arms_mean(y);
+                for (var s = 0u; s < GRIDS; s++) {
+                    stencils[lane].d[s] -= select(m, -m, s == 1u);
+                }
+            }
             corners[lane] = run_corner[r];
             contract(lane, p, g_of(lane, grid, vec3<u32>(-run_corner[r] - stencils[lane].base[grid])));
         }

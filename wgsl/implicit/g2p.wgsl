@@ -43,7 +43,9 @@ fn advance(slot: u32, p: u32) {
     // or loss of momentum.
     var v = vec3<f32>(0.0);
     var B: mat3x3<f32>;
+    var apart = vec3<f32>(0.0);
     for (var grid = 0u; grid < GRIDS; grid++) {
+        var sum = vec3<f32>(0.0);
         for (var k = 0u; k < NODES; k++) {
             for (var j = 0u; j < NODES; j++) {
                 for (var i = 0u; i < NODES; i++) {
@@ -51,11 +53,13 @@ fn advance(slot: u32, p: u32) {
                     let w = GRID_SHARE * s.w[grid][i].x * s.w[grid][j].y * s.w[grid][k].z;
                     let d = s.d[grid] + vec3<f32>(n);
                     let wv = w * (tile_at(s.base[grid] + vec3<i32>(n), grid) - first);
-                    v += wv;
+                    sum += wv;
                     B += mat3x3<f32>(wv * d.x, wv * d.y, wv * d.z);
                 }
             }
         }
+        v += sum;
+        apart += select(sum, -sum, grid == 1u);
     }
     v += first;
     let rate = params.dt / params.dx;
@@ -65,7 +69,8 @@ fn advance(slot: u32, p: u32) {
     var principal: Principal;
     var gradient: mat3x3<f32>;
     if (MLS) {
-        gradient = times_inverse_moment(B, y);
+        let m = arms_mean(y);
+        gradient = times_inverse_arms(B - mat3x3<f32>(apart * m.x, apart * m.y, apart * m.z), y);
     } else {
         gradient = tile_gradient(y);
     }

@@ -1,5 +1,5 @@
 // How a particle sees one node: its weight w, the distance d to it (cells), and g with ∇v = share Σ
-// v_i g_iᵀ: ∂w/∂x, or for MLS w d, whose D⁻¹ is applied elsewhere. Same numbers as `stencil` of the
+// v_i g_iᵀ: ∂w/∂x, or for MLS w (d - m), whose E⁻¹ is applied elsewhere. Same numbers as `stencil` of the
 // kernel files.
 //
 // uses shared/kernel_*, shared/mls
@@ -23,7 +23,8 @@ fn shape(y: vec3<f32>, n: vec3<i32>, grid: u32) -> Shape {
     out.w = w.x * w.y * w.z;
     out.d = s.d[grid] + vec3<f32>(k);
     if (MLS) {
-        out.g = out.w * out.d;
+        let m = arms_mean(y);
+        out.g = out.w * (out.d - select(m, -m, grid == 1u));
     } else {
         out.g = pick(s.dw[grid], vec3<u32>(k)) * vec3<f32>(w.y * w.z, w.x * w.z, w.x * w.y);
     }

@@ -1,6 +1,6 @@
 // First half of the objective at a trial Δv: particles' energies V0 ψ(F), and what their stress
 // brings to the nodes, dt V0 P Fⁿᵀ g_i.
-// Out: A = dt V0 P Fⁿᵀ / dx in `push` (MLS: times D⁻¹), one energy a block in `partials`.
+// Out: A = dt V0 P Fⁿᵀ / dx in `push` (MLS: times E⁻¹), one energy a block in `partials`.
 // One workgroup a block, one lane a particle at a time; energies are added up in a fixed order.
 //
 // uses implicit/cells, implicit/particle, implicit/plastic, implicit/trial, implicit/derivatives
@@ -32,7 +32,7 @@ fn main(
             sum = add_pairs(sum, vec2<f32>(cost, 0.0));
             var A = (params.dt * body.volume / params.dx) * (pk1 * transpose(F));
             if (MLS) {
-                A = times_inverse_moment(A, y);
+                A = times_inverse_arms(A, y);
             }
             store_push(p, A);
         }

@@ -1,5 +1,5 @@
 // Stiffness of the particles at a trial Δv, pushed forward: K[3a + e][3c + f] = share dt² V0 Σ
-// (∂P_ab/∂F_cd) M_eb M_fd / dx², with M = Fⁿ, for MLS D⁻¹ Fⁿ, so that A_ij[a][c] = Σ K g_i[e]
+// (∂P_ab/∂F_cd) M_eb M_fd / dx², with M = Fⁿ, for MLS E⁻¹ Fⁿ, so that A_ij[a][c] = Σ K g_i[e]
 // g_j[f]. share: twice the energy and half of each ∇v on the compact kernel's grids.
 // One workgroup a block, one lane a particle at a time.
 //
@@ -29,8 +29,8 @@ fn main(
         let derivative = projected_derivative(material, trial_deformation(p, y, F), plastic_of(p, material.model));
         var M = F;
         if (MLS) {
-            // D is symmetric.
-            M = transpose(times_inverse_moment(transpose(F), y));
+            // E is symmetric.
+            M = transpose(times_inverse_arms(transpose(F), y));
         }
         let rate = params.dt / params.dx;
         let factor = GRID_SHARE * body.volume * rate * rate;

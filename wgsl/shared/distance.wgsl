@@ -3,8 +3,6 @@
 //
 // uses shared/structs
 
-const STICKY = 0u;
-const SLIP = 1u;
 /// Half step of the normals' central differences, in dx.
 const NORMAL_STEP = 0.03125;
 

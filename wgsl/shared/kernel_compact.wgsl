@@ -21,6 +21,12 @@ struct Stencil {
     dw: array<array<vec3<f32>, 2>, 2>, // per axis and cell
 }
 
+/// h(a) = 1 - cos 2πa for a ≤ ¼; t = (2πa)².
+fn steepness(a: vec3<f32>, t: vec3<f32>) -> vec3<f32> {
+    return a * a * 19.739208802178716 * (1.0 - t * (1.0 / 12.0 - t * (1.0 / 360.0 - t * (1.0 / 20160.0
+        - t * (1.0 / 1814400.0 - t * (1.0 / 239500800.0 - t * (1.0 / 43589145600.0)))))));
+}
+
 struct Profile { g_plus: vec3<f32>, g_minus: vec3<f32>, h_plus: vec3<f32>, h_minus: vec3<f32>, high: vec3<bool> }
 
 /// g and h on both grids from the fraction f = u⁺; `high` where u⁺ > ½ (there u⁻ < ½).
@@ -33,8 +39,7 @@ fn profile(f: vec3<f32>) -> Profile {
     // below 1e-9.
     let g = a * a * a * 6.579736267392905 * (1.0 - t * (0.05 - t * (1.0 / 840.0 - t * (1.0 / 60480.0
         - t * (1.0 / 6652800.0 - t * (1.0 / 1037836800.0))))));
-    let h = a * a * 19.739208802178716 * (1.0 - t * (1.0 / 12.0 - t * (1.0 / 360.0 - t * (1.0 / 20160.0
-        - t * (1.0 / 1814400.0 - t * (1.0 / 239500800.0 - t * (1.0 / 43589145600.0)))))));
+    let h = steepness(a, t);
     let g_far = 0.5 - 2.0 * a + g;
     let h_far = 2.0 - h;
     let high = f > vec3<f32>(0.5);
@@ -75,6 +80,21 @@ fn times_inverse_moment(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
     return mat3x3<f32>(a[0] / p.x - aq * q.x, a[1] / p.y - aq * q.y, a[2] / p.z - aq * q.z);
 }
 
+/// A diag(p)⁻¹: the moments about each grid's own mean have no skew part.
+fn times_inverse_spread(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
+    let profile = profile(y - floor(y));
+    let p = 0.5 * (profile.g_plus * (1.0 - profile.g_plus) + profile.g_minus * (1.0 - profile.g_minus));
+    return mat3x3<f32>(a[0] / p.x, a[1] / p.y, a[2] / p.z);
+}
+
+/// s: mean distance of grid +'s nodes from the particle, Σ w d; that of grid - is -s.
+fn grid_mean(y: vec3<f32>) -> vec3<f32> {
+    let f = y - floor(y);
+    let profile = profile(f);
+    let sine = min(f, 1.0 - f) - profile.g_plus;
+    return select(-sine, sine, profile.high);
+}
+
 /// A D / dx².
 fn times_moment(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
     let f = y - floor(y);
@@ -92,3 +112,18 @@ fn node_offset(grid: u32) -> f32 {
 
 /// ½ of the dual grid's means; 1 for a single grid.
 const GRID_SHARE = 0.5;
+
+/// Share of a node's room that is inside a plane wall which it lies y inside of, by axis
+/// (`ShapeFunction::inside`).
+fn inside(y: vec3<f32>) -> vec3<f32> {
+    let a = min(abs(y), vec3<f32>(1.0));
+    let v = min(a, 1.0 - a);
+    let far = v > vec3<f32>(0.25);
+    let b = select(v, 0.5 - v, far);
+    let h = steepness(b, b * b * 39.478417604357434);
+    let tail = 0.5 - a + 0.5 * a * a - select(h, 2.0 - h, far) * (1.0 / 39.478417604357434);
+    return select(1.0 - tail, tail, y <= vec3<f32>(0.0));
+}
+
+/// Nodes of a particle that is so far inside of a wall have all their room (cells).
+const ROOM_REACH = 2.0;

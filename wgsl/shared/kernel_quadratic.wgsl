@@ -29,6 +29,16 @@ fn times_inverse_moment(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
     return a * 4.0;
 }
 
+/// A diag(p)⁻¹.
+fn times_inverse_spread(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
+    return a * 4.0;
+}
+
+/// Mean distance of the nodes from the particle, Σ w d.
+fn grid_mean(y: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(0.0);
+}
+
 /// A D / dx².
 fn times_moment(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
     return a * 0.25;
@@ -40,3 +50,15 @@ fn node_offset(grid: u32) -> f32 {
 
 /// ½ of the dual grid's means; 1 for a single grid.
 const GRID_SHARE = 1.0;
+
+/// Share of a node's room that is inside a plane wall which it lies y inside of, by axis
+/// (`ShapeFunction::inside`).
+fn inside(y: vec3<f32>) -> vec3<f32> {
+    let a = abs(y);
+    let outer = max(1.5 - a, vec3<f32>(0.0));
+    let tail = select(0.5 - 0.75 * a + a * a * a / 3.0, outer * outer * outer / 6.0, a >= vec3<f32>(0.5));
+    return select(1.0 - tail, tail, y <= vec3<f32>(0.0));
+}
+
+/// Nodes of a particle that is so far inside of a wall have all their room (cells).
+const ROOM_REACH = 3.0;

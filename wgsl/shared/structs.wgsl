@@ -1,7 +1,18 @@
 // Structs of the scene that explicit and implicit stages share. Rust twins:
 // src/engine/explicit/gpu/layout.rs.
 
-struct Body { mass: f32, volume: f32, material: u32, demand: f32 } // demand of the material at rest (1/s²)
+// rate, full: how the volume follows what fills the room (src/core/sim/volume.rs); rate 0: it does
+// not.
+struct Body {
+    mass: f32,
+    volume: f32,
+    material: u32,
+    demand: f32, // of the material at rest (1/s²)
+    rate: f32,   // 1/s
+    full: f32,   // fill that counts as full
+    spare0: u32,
+    spare1: u32,
+}
 
 // A fluid: a = K/γ, b = γ, c = viscosity. All others: a = μ, b = λ, and von Mises: c = √(2/3) σ_Y;
 // Drucker–Prager: c = α; NACC: c = M, d = β, e = ξ; snow: c = 1 - θc, d = 1 + θs, e = ξ.
@@ -14,10 +25,15 @@ struct SdfOp { r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32>, size: vec3<f32>, cod
 
 struct Collider { first: u32, count: u32, kind: u32, friction: f32 }
 
+// Kinds of contact; all others are separating.
+const STICKY = 0u;
+const SLIP = 1u;
+
 // Pose of a collider at a step: x_start = rotationᵀ (x - translation); velocity = linear + angular
 // × (x - center).
 struct Pose {
     r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32>, // rows of rotationᵀ; w = translation
     linear: vec4<f32>,                           // w = 1 while the collider is there, else 0
-    angular: vec4<f32>, center: vec4<f32>,
+    angular: vec4<f32>,
+    center: vec4<f32>,                           // w = 1 while it takes room (no grip does), else 0
 }

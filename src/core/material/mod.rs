@@ -161,6 +161,13 @@ impl<T: Real> Law<T> {
         })
     }
 
+    /// The logarithm of the volume that loose grains have gained apart from one another, beyond that
+    /// of F. `None` for materials that are not loose grains.
+    #[inline(always)]
+    pub fn gained_volume(&self, plastic: T) -> Option<T> {
+        matches!(self, Self::DruckerPrager(_) | Self::MohrCoulomb(_)).then_some(plastic)
+    }
+
     /// Projects F and the plastic state onto the yield surface if they are outside it. Elastic laws
     /// leave them unchanged.
     pub fn return_map<const D: usize>(&self, f: &mut Matrix<T, D>, plastic: &mut T) {

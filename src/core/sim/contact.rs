@@ -63,8 +63,44 @@ pub fn respond<T: Real, const D: usize>(
     relative
 }
 
-/// Which wall of an axis a node belongs to: 0 the lower, 1 the upper. The walls' planes are at node
-/// indices 0 and `cells`.
+/// The velocity of a node beside a sticky wall. `v` and `mass` are of the node and of its mirror
+/// image on the other side of the wall's plane.
+///
+/// Beside such a wall a smooth velocity field is odd about the plane. So the two nodes take opposite
+/// velocities, those that are nearest in kinetic energy: what they make of the velocity at the
+/// plane, v + v', is taken from both by the same impulse. Linear fields stay as they are. Nodes that
+/// are held one by one make a kink of them, and lose momentum to it in every step ("Walls" in
+/// docs/NUMERICS.md).
+#[inline]
+pub fn stick_mirrored<T: Real, const D: usize>(v: [&Vector<T, D>; 2], mass: [T; 2]) -> Vector<T, D> {
+    let total = mass[0] + mass[1];
+    let mut out = *v[0];
+    for a in 0..D {
+        out[a] = (mass[0] * v[0][a] - mass[1] * v[1][a]) / total;
+    }
+    out
+}
+
+/// Nodes whose index is less than this from a wall's may have a mirror image that particles touch.
+/// Twin: `NEAR_WALL` in wgsl/explicit/walls.wgsl.
+const NEAR_WALL: i32 = 4;
+
+/// The wall of an axis that a node is near, 0 the lower, 1 the upper, and the index of the node's
+/// mirror image; the walls' planes are at 0 and `cells`. A node of grid s = ±1 of the compact
+/// kernel, at i + s/4, has its image on the other grid.
+#[inline]
+pub fn mirrored(node: i32, cells: i32) -> Option<(usize, i32)> {
+    if node.abs() < NEAR_WALL && 2 * node < cells {
+        Some((0, -node))
+    } else if (cells - node).abs() < NEAR_WALL {
+        Some((1, 2 * cells - node))
+    } else {
+        None
+    }
+}
+
+/// Which wall of an axis holds a node, one by one: 0 the lower, 1 the upper. The walls' planes are at
+/// node indices 0 and `cells`.
 ///
 /// On a single grid, the wall nodes are those on or beyond the plane. The compact kernel's node i
 /// is a pair at i ± ¼ dx, and both belong to the wall if i does. If the nearer node of the pair
@@ -111,5 +147,27 @@ mod tests {
     #[test]
     fn wall_nodes_have_their_index_on_or_beyond_the_plane() {
         assert_eq!([-1, 0, 1, 7, 8, 9].map(|i| wall_side(i, 8)), [Some(0), Some(0), None, None, Some(1), Some(1)]);
+    }
+
+    #[test]
+    fn images_lie_as_far_behind_the_plane() {
+        let images = [-4, -3, 0, 1, 3, 4, 7, 10, 11, 12].map(|i| mirrored(i, 10));
+        let lower = |image| Some((0, image));
+        let upper = |image| Some((1, image));
+        let expected = [None, lower(3), lower(0), lower(-1), lower(-3), None, upper(13), upper(10), upper(9), upper(8)];
+        assert_eq!(images, expected);
+    }
+
+    #[test]
+    fn images_take_opposite_velocities_and_lose_the_least_energy() {
+        let (v, u, m, n) = ([1.0, -2.0, 0.5], [0.3, 1.0, 4.0], 3.0, 0.5);
+        let after = stick_mirrored([&v, &u], [m, n]);
+        assert_eq!(stick_mirrored([&u, &v], [n, m]), after.map(|c| -c));
+        // Both get the same impulse.
+        for a in 0..3 {
+            assert!((m * (after[a] - v[a]) - n * (-after[a] - u[a])).abs() < 1e-14);
+        }
+        // An odd field stays.
+        assert_eq!(stick_mirrored([&v, &v.map(|c| -c)], [m, n]), v);
     }
 }

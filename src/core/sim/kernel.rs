@@ -21,6 +21,8 @@ pub struct Axis<T, const G: usize, const W: usize> {
     pub slope: [[T; W]; G],
     /// This axis's part of the moment matrix: D = diag(spread) + skew skewᵀ.
     pub spread: T,
+    /// Mean of x_i − x_p over the first grid's nodes, Σ w (x_i − x_p). The second grid has its
+    /// negative; a single grid has none.
     pub skew: T,
 }
 
@@ -36,6 +38,15 @@ pub trait ShapeFunction<const G: usize, const W: usize>: Send + Sync + 'static {
 
     fn axis<T: Real>(x: T) -> Axis<T, G, W>;
 
+    /// ∫ of a node's weight over the positions above −y, dx: how much of it lies inside a wall that the
+    /// node is y inside of. For y ≤ 0; above, 1 − that of −y.
+    fn tail(y: f64) -> f64;
+
+    /// The share of a node's room that is inside a plane wall which it lies y inside of (dx; negative behind the wall).
+    fn inside(y: f64) -> f64 {
+        if y <= 0.0 { Self::tail(y) } else { 1.0 - Self::tail(-y) }
+    }
+
     /// m D⁻¹ for D = diag(spread) + skew skewᵀ, by Sherman and Morrison:
     /// D⁻¹ = diag(1/p) − q qᵀ/(1 + s·q), q = s/p, with p the spread and s the skew.
     #[inline(always)]
@@ -44,18 +55,13 @@ pub trait ShapeFunction<const G: usize, const W: usize>: Send + Sync + 'static {
         spread: &Vector<T, D>,
         skew: &Vector<T, D>,
     ) -> Matrix<T, D> {
-        let mut c = *m;
-        let mut q = *skew;
-        for k in 0..D {
-            // Only the linear kernel's spread can vanish, on a grid line, and m vanishes there too.
-            let inverse = T::ONE / spread[k].max(T::TINY);
-            for i in 0..D {
-                c[i][k] = m[i][k] * inverse;
-            }
-            q[k] = skew[k] * inverse;
-        }
+        let c = times_inverse_diagonal(m, spread);
         if Self::DIAGONAL {
             return c;
+        }
+        let mut q = *skew;
+        for k in 0..D {
+            q[k] = skew[k] / spread[k];
         }
         let along = apply(m, &q);
         let factor = T::ONE / (T::ONE + dot(skew, &q));
@@ -67,6 +73,21 @@ pub trait ShapeFunction<const G: usize, const W: usize>: Send + Sync + 'static {
         }
         add_scaled(&c, -factor, &outer)
     }
+}
+
+/// m diag(p)⁻¹. With p the spread, this is the inverse of the moments about each grid's own mean,
+/// Σ w (x_i − x_p − x̄)(x_i − x_p − x̄)ᵀ, which have no skew part.
+#[inline(always)]
+pub fn times_inverse_diagonal<T: Real, const D: usize>(m: &Matrix<T, D>, p: &Vector<T, D>) -> Matrix<T, D> {
+    let mut c = *m;
+    for k in 0..D {
+        // Only the linear kernel's spread can vanish, on a grid line, and m vanishes there too.
+        let inverse = T::ONE / p[k].max(T::TINY);
+        for i in 0..D {
+            c[i][k] = m[i][k] * inverse;
+        }
+    }
+    c
 }
 
 /// K(x) = 1 − |x| + sin(2π|x|)/2π on |x| < 1, on the dual grid (CK-MPM, eq. 8).
@@ -110,6 +131,12 @@ impl ShapeFunction<2, 2> for Compact {
     const SHIFT: [f64; 2] = [0.25, -0.25];
     const CELL: f64 = 0.0;
     const DIAGONAL: bool = false;
+
+    fn tail(y: f64) -> f64 {
+        let a = y.abs().min(1.0);
+        let turn = 2.0 * std::f64::consts::PI;
+        0.5 - a + 0.5 * a * a - (1.0 - (turn * a).cos()) / (turn * turn)
+    }
 
     /// One polynomial serves both grids without cancellation. Near the kernel's edge the weight is
     /// K ≈ (2π²/3) v³. There the textbook form is rounding noise of either sign, and this one keeps
@@ -162,6 +189,10 @@ impl ShapeFunction<1, 2> for Linear {
     const CELL: f64 = 0.0;
     const DIAGONAL: bool = true;
 
+    fn tail(y: f64) -> f64 {
+        0.5 * (1.0 + y).max(0.0).powi(2)
+    }
+
     #[inline(always)]
     fn axis<T: Real>(x: T) -> Axis<T, 1, 2> {
         let node = x.floor();
@@ -182,6 +213,10 @@ impl ShapeFunction<1, 3> for Quadratic {
     const SHIFT: [f64; 1] = [0.0];
     const CELL: f64 = 0.5;
     const DIAGONAL: bool = true;
+
+    fn tail(y: f64) -> f64 {
+        if y <= -0.5 { (1.5 + y).max(0.0).powi(3) / 6.0 } else { 0.5 + 0.75 * y - y * y * y / 3.0 }
+    }
 
     #[inline(always)]
     fn axis<T: Real>(x: T) -> Axis<T, 1, 3> {
@@ -205,6 +240,14 @@ impl ShapeFunction<1, 4> for Cubic {
     const SHIFT: [f64; 1] = [0.0];
     const CELL: f64 = 0.0;
     const DIAGONAL: bool = true;
+
+    fn tail(y: f64) -> f64 {
+        if y <= -1.0 {
+            (2.0 + y).max(0.0).powi(4) / 24.0
+        } else {
+            0.5 + (2.0 / 3.0) * y - y * y * y / 3.0 - y.powi(4) / 8.0
+        }
+    }
 
     #[inline(always)]
     fn axis<T: Real>(x: T) -> Axis<T, 1, 4> {

@@ -8,6 +8,7 @@ pub mod diagnostics;
 pub mod divergence;
 #[cfg(test)]
 mod fixture;
+pub mod inlet;
 pub mod kernel;
 pub mod moments;
 pub mod particles;
@@ -17,3 +18,4 @@ pub mod setup;
 pub mod source;
 pub mod stats;
 pub mod timestep;
+pub mod volume;

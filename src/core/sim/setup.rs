@@ -90,6 +90,25 @@ impl Setup {
         self.initial_particles() + self.sources.iter().map(Source::total).sum::<u64>() as usize
     }
 
+    /// Whether explicit frames begin and end with half a step's forces, so that positions and
+    /// velocities at frame boundaries are of one time: in between, velocities are half a step ahead.
+    /// Without gravity nothing falls, and nothing is staggered.
+    pub fn is_staggered(&self) -> bool {
+        self.gravity != [0.0; 3]
+    }
+
+    /// A position in the domain's own period, on periodic axes.
+    pub fn wrapped(&self, mut x: [f64; 3]) -> [f64; 3] {
+        for a in (0..self.dimension).filter(|&a| self.axes[a] == Axis::Periodic) {
+            let (inside, period) = (x[a] - self.origin[a], self.cells[a] as f64 * self.dx);
+            // What is inside stays as it is, to the bit.
+            if !(0.0..period).contains(&inside) {
+                x[a] = self.origin[a] + inside.rem_euclid(period);
+            }
+        }
+        x
+    }
+
     /// The precision on this kind of backend (`cpu` or `gpu`). The implicit integrator on the CPU
     /// always uses f64.
     pub fn precision_on(&self, backend: &str) -> Precision {
@@ -102,7 +121,7 @@ impl Setup {
         let mut new = Particles::default();
         for source in self.sources.iter().filter(|s| s.by_frame.get(frame as usize).is_some_and(|&n| n > 0)) {
             let material = &self.materials[self.bodies[source.body].material];
-            let mut x: Vec<[f64; 3]> = source.entering(frame).collect();
+            let mut x: Vec<[f64; 3]> = source.entering(frame).map(|x| self.wrapped(x)).collect();
             new.x.append(&mut x);
             let count = new.x.len();
             new.v.resize(count, source.velocity);

@@ -6,7 +6,7 @@
 //! * **Bulk** (Von Neumann analysis, one particle in each cell; Bai & Schroeder, "Stability
 //!   analysis of explicit MPM", Fig. 4): dt ≤ f dx / c, c² = (λ + 2μ) / ρ. For the compact kernel
 //!   the worst mode is not a plane P wave, so c² = (2λ + 2μ) / ρ must hold as well.
-//! * **Single particle** (same paper, eq. 4): dt ≤ dx sqrt(ρ / (η (μ + dλ/2))),
+//! * **Single particle** (same paper, eq. 4): dt ≤ dx sqrt(ρ / (η_μ μ + η_λ dλ/2)),
 //!   η = ξ dx² (r - k/2).
 //!
 //! A viscosity μ_v acts with the velocity gradient of the previous step. One mode of amplitude u
@@ -90,7 +90,7 @@ impl Bound {
         // The compact kernel's bounds are tighter than the quadratic's, and MLS has the loosest
         // single-particle bound.
         let kernel = if setup.kernel == Kernel::Compact { ", the quadratic kernel" } else { "" };
-        let transfer = if setup.transfer == Transfer::Mls { "" } else { ", the mls transfer" };
+        let transfer = if setup.transfer.is_mls() { "" } else { ", the mls transfer" };
         match self {
             Self::Bulk { body } => format!(
                 "elastic waves in body '{}' (longer with a lower modulus, a higher density{kernel} or a larger dx)",
@@ -127,8 +127,8 @@ struct Factors {
     p_wave: f64,
     /// f in dt ≤ f dx / c, c² = (2λ + 2μ) / ρ.
     plane: f64,
-    /// η in dt ≤ dx sqrt(ρ / (η (μ + dλ/2))).
-    single: f64,
+    /// η of μ and of λ in dt ≤ dx sqrt(ρ / (η_μ μ + η_λ dλ/2)).
+    single: [f64; 2],
 }
 
 /// No such bound.
@@ -141,7 +141,11 @@ const NONE: f64 = f64::INFINITY;
 ///   otherwise 1.
 /// * Compact: not in the literature. The values come from the same two analyses, carried out
 ///   numerically on the dual grid; the closed forms are fitted. The bulk's worst case is one
-///   particle per cell at (¼, ¾). η is the worst over positions and Poisson's ratios.
+///   particle per cell at (¼, ¾). η is the worst over positions and Poisson's ratios. MLS (centred):
+///   with all coordinates at 0 or ½, p = (¼ − 1/2π)(¾ + 1/2π) and t = 1/(4π² p), η_μ = (1 + d t/(1
+///   + d t))/2p and η_λ = (1 + t/(1 + d t))/2p. A mode is stable as long as 2M(I + T) − dt² K ≥ 0,
+///   T = P2G G2P, which is a sum over particles: no arrangement at rest needs less than a lone
+///   particle.
 /// * Linear: the bulk factor is the minimum over positions and wave vectors of the paper's trace
 ///   bound. It is reached with particles on nodes: 1/√d. A lone particle at offset u in its cell
 ///   has η = 1 / (u (1 - u)) for PIC and half of it for APIC and MLS, which is unbounded as the
@@ -150,18 +154,20 @@ const NONE: f64 = f64::INFINITY;
 fn factors(kernel: Kernel, transfer: Transfer, dimension: usize) -> Factors {
     use Kernel::*;
     use Transfer::*;
+    let both = |eta: f64| [eta; 2];
     let (p_wave, plane, single) = match (kernel, transfer) {
-        (Quadratic, Pic) => (FRAC_1_SQRT_2, NONE, 6.0),
-        (Quadratic, Apic) => (1.0, NONE, 4.0),
-        (Quadratic, Mls) => (1.0, NONE, 2.0),
-        (Cubic, Pic) => (1.4033, NONE, 3.0 * 1.045606),
-        (Cubic, Apic) => (1.7042, NONE, 3.0 * 0.545606),
-        (Cubic, Mls) => (1.3952, NONE, 1.5),
-        (Compact, Pic) => (NONE, 0.5, 12.108),
-        (Compact, Apic) => (NONE, FRAC_1_SQRT_2, if dimension == 2 { 8.355 } else { 8.955 }),
-        (Compact, Mls) => (0.69468, FRAC_1_SQRT_2, 6.054),
-        (Linear, Pic) => ((dimension as f64).sqrt().recip(), NONE, 1.0 / 0.09),
-        (Linear, Apic | Mls) => ((dimension as f64).sqrt().recip(), NONE, 0.5 / 0.09),
+        (Quadratic, Pic) => (FRAC_1_SQRT_2, NONE, both(6.0)),
+        (Quadratic, Apic) => (1.0, NONE, both(4.0)),
+        (Quadratic, Mls | MlsPublished) => (1.0, NONE, both(2.0)),
+        (Cubic, Pic) => (1.4033, NONE, both(3.0 * 1.045606)),
+        (Cubic, Apic) => (1.7042, NONE, both(3.0 * 0.545606)),
+        (Cubic, Mls | MlsPublished) => (1.3952, NONE, both(1.5)),
+        (Compact, Pic) => (NONE, 0.5, both(12.108)),
+        (Compact, Apic) => (NONE, FRAC_1_SQRT_2, both(if dimension == 2 { 8.356 } else { 8.955 })),
+        (Compact, Mls) => (NONE, FRAC_1_SQRT_2, if dimension == 2 { [8.35542, 7.20463] } else { [8.95476, 7.02082] }),
+        (Compact, MlsPublished) => (0.69468, FRAC_1_SQRT_2, both(6.054)),
+        (Linear, Pic) => ((dimension as f64).sqrt().recip(), NONE, both(1.0 / 0.09)),
+        (Linear, Apic | Mls | MlsPublished) => ((dimension as f64).sqrt().recip(), NONE, both(0.5 / 0.09)),
     };
     Factors { p_wave, plane, single }
 }
@@ -174,7 +180,8 @@ pub fn elastic_bounds_s(setup: &Setup, lambda: f64, mu: f64, rho: f64) -> (f64, 
     let lambda = lambda.max(0.0);
     let over = |modulus: f64| setup.dx * (rho / modulus).sqrt();
     let bulk = (f.p_wave * over(lambda + 2.0 * mu)).min(f.plane * over(2.0 * lambda + 2.0 * mu));
-    (bulk, over(f.single * (mu + 0.5 * setup.dimension as f64 * lambda)))
+    let [eta_mu, eta_lambda] = f.single;
+    (bulk, over(eta_mu * mu + 0.5 * eta_lambda * setup.dimension as f64 * lambda))
 }
 
 /// Lamé parameters (Pa) at rest and viscosity (Pa·s). A fluid's λ is its bulk modulus.

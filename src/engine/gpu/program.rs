@@ -18,8 +18,8 @@ pub const STORAGE_BUFFERS: u32 = 16;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Variant {
     pub kernel: Kernel,
-    /// MLS instead of APIC.
-    pub mls: bool,
+    /// Never PIC, which the GPU engines do not have.
+    pub transfer: Transfer,
     /// Some law works in principal space.
     pub principal: bool,
 }
@@ -31,31 +31,38 @@ impl Variant {
         };
         Self {
             kernel: setup.kernel,
-            mls: setup.transfer == Transfer::Mls,
+            transfer: match (setup.kernel, setup.transfer) {
+                // A single grid is centred anyway.
+                (Kernel::Compact, transfer) => transfer,
+                (_, Transfer::MlsPublished) => Transfer::Mls,
+                (_, transfer) => transfer,
+            },
             principal: !setup.materials.iter().all(closed_form),
         }
     }
 
     /// For programs that differ by kernel alone.
     pub fn of_kernel(kernel: Kernel) -> Self {
-        Self { kernel, mls: false, principal: false }
+        Self { kernel, transfer: Transfer::Apic, principal: false }
     }
 
     /// All that there are shaders for.
     pub fn all() -> impl Iterator<Item = Self> {
-        let kernels = [Kernel::Compact, Kernel::Quadratic].into_iter();
-        kernels.flat_map(|kernel| {
-            [(true, false), (true, true), (false, false), (false, true)].map(|(mls, principal)| Self {
-                kernel,
-                mls,
-                principal,
-            })
-        })
+        use Kernel::{Compact, Quadratic};
+        use Transfer::{Apic, Mls, MlsPublished};
+        let schemes = [(Compact, Mls), (Compact, MlsPublished), (Compact, Apic), (Quadratic, Mls), (Quadratic, Apic)];
+        let variants = |(kernel, transfer)| [false, true].map(|principal| Self { kernel, transfer, principal });
+        schemes.into_iter().flat_map(variants)
     }
 
     /// As in `compact mls closed`.
     fn name(self) -> String {
-        let transfer = if self.mls { "mls" } else { "apic" };
+        let transfer = match self.transfer {
+            Transfer::Pic => "pic",
+            Transfer::Apic => "apic",
+            Transfer::Mls => "mls",
+            Transfer::MlsPublished => "mls-published",
+        };
         let laws = if self.principal { "principal" } else { "closed" };
         format!("{} {transfer} {laws}", kernel_name(self.kernel))
     }
@@ -124,8 +131,12 @@ impl Shader {
         };
         let declared = |name: &str| module.overrides.iter().any(|(_, o)| o.name.as_deref() == Some(name));
         let flag = |on: bool| f64::from(u8::from(on));
-        let constants =
-            [("WORKGROUP", f64::from(workgroup)), ("MLS", flag(variant.mls)), ("PRINCIPAL", flag(variant.principal))];
+        let constants = [
+            ("WORKGROUP", f64::from(workgroup)),
+            ("MLS", flag(variant.transfer.is_mls())),
+            ("CENTRED", flag(variant.transfer.is_centred())),
+            ("PRINCIPAL", flag(variant.principal)),
+        ];
         Ok(Self {
             name: name.to_string(),
             constants: constants.into_iter().filter(|(name, _)| declared(name)).collect(),

@@ -7,7 +7,7 @@ use gridfall_core::sim::particles::{IDENTITY, Particles};
 use gridfall_core::sim::setup::{Body, Problem, Setup};
 use rayon::prelude::*;
 
-use crate::grid::{lattice, particles_per_axis, particles_per_cell};
+use crate::grid::{lattice, particles_per_axis, particles_per_cell, periodic};
 use crate::resolve::Resolved;
 use crate::schema::{self, Material, Sampling, Scene, Transfer};
 use crate::shape;
@@ -18,7 +18,9 @@ fn fill(setup: &Setup, scene: &Scene, index: usize, sdf: &Sdf) -> (Vec<[f64; 3]>
     let (d, body) = (setup.dimension, &scene.bodies[index]);
     let per_cell = particles_per_cell(body.particles_per_cell, d);
     let per_axis = particles_per_axis(body, d).expect("a valid scene");
-    let points = |per_axis: f64| lattice(&scene.domain, per_axis, sdf, d).clipped(setup.cells, per_axis);
+    let points = |per_axis: f64| {
+        lattice(&scene.domain, per_axis, sdf, d).clipped(setup.cells, per_axis, periodic(&scene.domain, d))
+    };
     let x = points(per_axis).sample(sdf, body.sampling, scene.seed, index as u64);
     let volume0 = match body.sampling {
         Sampling::Regular | Sampling::Jittered => setup.dx.powi(d as i32) / f64::from(per_cell),
@@ -72,6 +74,7 @@ pub fn add_body(problem: &mut Problem, scene: &Scene, resolved: &Resolved, index
         })
         .collect();
 
+    let x: Vec<[f64; 3]> = x.into_iter().map(|x| setup.wrapped(x)).collect();
     let given = body.deformation_gradient.as_deref().map_or(IDENTITY, matrix3);
     let material_law = &setup.materials[material];
     let (start, count) = (particles.len(), x.len());

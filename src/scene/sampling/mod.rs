@@ -87,17 +87,24 @@ impl Lattice {
         Self { origin, spacing, dimension, range, end: [f64::INFINITY; 3] }
     }
 
-    /// The part of the lattice inside a grid of `cells` with `per_axis` points per cell and axis.
-    pub fn clipped(&self, cells: [usize; 3], per_axis: f64) -> Self {
+    /// The part of the lattice inside a grid of `cells` with `per_axis` points per cell and axis; on
+    /// periodic axes all of it.
+    pub fn clipped(&self, cells: [usize; 3], per_axis: f64, periodic: [bool; 3]) -> Self {
         let range = std::array::from_fn(|a| {
             if a >= self.dimension {
                 return 0..1;
+            }
+            if periodic[a] {
+                return self.range[a].clone();
             }
             let end = (cells[a] as f64 * per_axis).ceil() as i64;
             let low = self.range[a].start.clamp(0, end);
             low..self.range[a].end.clamp(low, end)
         });
-        let end = std::array::from_fn(|a| self.origin[a] + cells[a] as f64 * per_axis * self.spacing);
+        let end = std::array::from_fn(|a| match periodic[a] {
+            true => f64::INFINITY,
+            false => self.origin[a] + cells[a] as f64 * per_axis * self.spacing,
+        });
         Self { range, end, ..self.clone() }
     }
 

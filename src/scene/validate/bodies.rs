@@ -1,7 +1,7 @@
 //! Meaning of bodies: materials, initial states, and how many particles they and the sources have.
 
 use crate::fault::join;
-use crate::grid::{cells, lattice, particles_per_axis, particles_per_cell};
+use crate::grid::{cells, lattice, particles_per_axis, particles_per_cell, periodic};
 use crate::memory::{HOST_BYTES_PER_PARTICLE, memory_bytes};
 use crate::sampling::{Lattice, poisson};
 use crate::schema::{Body, Sampling, Shape};
@@ -132,14 +132,25 @@ fn count_particles(check: &mut Check, at: &str, body: &Body, shape: &Shape, per_
     let [lower, upper] = sdf.bounds();
     let (min, max) = (vector3(&domain.min), vector3(&domain.max));
     let extent = |v: [f64; 3]| format!("{:?}", &v[..d]);
-    let apart = (0..d).any(|a| lower[a] >= max[a] || upper[a] <= min[a]);
+    let periodic = periodic(domain, d);
+    let walled = || (0..d).filter(|&a| !periodic[a]);
+    // A body may lie across the seam of a periodic axis, but not reach around onto itself.
+    let length = |a: usize| upper[a] - lower[a];
+    let period = |a: usize| max[a] - min[a];
+    let too_long = |a: &usize| periodic[*a] && length(*a).is_finite() && length(*a) > period(*a) * (1.0 + 1e-9);
+    if let Some(a) = (0..d).find(too_long) {
+        let reason = format!("the body is {} m long on an axis that repeats every {} m", length(a), period(a));
+        check.fault(at, "outside_domain", reason, "shrink the body to one period, or enlarge the domain");
+        return None;
+    }
+    let apart = walled().any(|a| lower[a] >= max[a] || upper[a] <= min[a]);
     if apart && (0..d).all(|a| lower[a] < upper[a]) {
         let reason = format!("the body spans {} to {}, outside the domain", extent(lower), extent(upper));
         check.fault(at, "outside_domain", reason, "move the body or enlarge the domain");
         return None;
     }
     let n = cells(domain, d).map(|n| n.round() as usize);
-    let inside = whole.clipped(n, per_axis);
+    let inside = whole.clipped(n, per_axis, periodic);
     let sticks_out = whole.candidates() > inside.candidates();
     let most = most_particles(check);
     let count = |lattice: &Lattice| lattice.count(&sdf, most);

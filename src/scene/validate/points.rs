@@ -1,6 +1,7 @@
 //! Meaning of particles from files: one source, one deformation, all in the domain.
 
 use crate::fault::join;
+use crate::grid::periodic;
 use crate::schema::{Body, Points};
 use crate::validate::check::Check;
 use crate::vectors::{determinant, vector3};
@@ -33,7 +34,8 @@ pub fn check_points(check: &mut Check, at: &str, body: &Body, points: &Points) -
     }
     let domain = &check.scene.domain;
     let (min, max) = (vector3(&domain.min), vector3(&domain.max));
-    let outside = |x: &&[f64; 3]| (0..check.dimension).any(|a| x[a] < min[a] || x[a] > max[a]);
+    let periodic = periodic(domain, check.dimension);
+    let outside = |x: &&[f64; 3]| (0..check.dimension).any(|a| !periodic[a] && (x[a] < min[a] || x[a] > max[a]));
     let out = read.x.iter().filter(outside).count();
     if out > 0 {
         let reason = format!("{out} of {} points are outside the domain", read.x.len());

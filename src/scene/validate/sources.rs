@@ -4,7 +4,7 @@ use gridfall_core::sim::source::Source;
 use rayon::prelude::*;
 
 use crate::fault::join;
-use crate::grid::{even_per_axis, frames, particles_per_cell, stream};
+use crate::grid::{even_per_axis, frames, particles_per_cell, periodic, stream};
 use crate::schema::{self, Sampling};
 use crate::validate::check::Check;
 use crate::validate::motion::interval;
@@ -61,6 +61,7 @@ fn count(check: &mut Check, at: &str, source: &Source, most: u64) -> Option<u64>
         return None;
     }
     let (min, max) = (vector3(&scene.domain.min), vector3(&scene.domain.max));
+    let periodic = periodic(&scene.domain, d);
     let (mut candidates, mut total) = (0.0, 0u64);
     for frame in 0..frames(scene) {
         candidates += source.candidates(frame);
@@ -69,7 +70,7 @@ fn count(check: &mut Check, at: &str, source: &Source, most: u64) -> Option<u64>
             check.fault(at, "too_many_particles", reason, "make the shape thinner along its velocity, or raise dx");
             return None;
         }
-        let outside = |x: &[f64; 3]| (0..d).any(|a| x[a] < min[a] || x[a] > max[a]);
+        let outside = |x: &[f64; 3]| (0..d).any(|a| !periodic[a] && (x[a] < min[a] || x[a] > max[a]));
         let (entering, lost) = source
             .entering(frame)
             .map(|x| (1u64, u64::from(outside(&x))))

@@ -40,9 +40,34 @@ pub enum Kernel {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Transfer {
+    /// Particles keep no affine velocity; forces by kernel gradients.
     Pic,
+    /// Affine velocities; forces by kernel gradients.
     Apic,
+    /// Affine velocities; forces by moments (moving least squares). On the compact kernel's two
+    /// grids, about the mean of each grid.
     Mls,
+    /// As `mls`, but with the compact kernel's moments about the particle, as CK-MPM publishes
+    /// them. Locks beside sticky walls; for comparison with the paper. The other kernels have one
+    /// grid and know no difference.
+    MlsPublished,
+}
+
+impl Transfer {
+    /// Whether particles keep an affine velocity.
+    pub fn is_affine(self) -> bool {
+        self != Self::Pic
+    }
+
+    /// Whether forces and ∇v come from moments, and not from kernel gradients.
+    pub fn is_mls(self) -> bool {
+        matches!(self, Self::Mls | Self::MlsPublished)
+    }
+
+    /// Whether these moments are about each grid's own mean.
+    pub fn is_centred(self) -> bool {
+        self == Self::Mls
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]

@@ -3,11 +3,13 @@
 use rayon::prelude::*;
 
 use super::chunk::{Chunk, LANES};
+use super::fill::wall_room;
 use super::grid_update::Grid;
 use super::simulation::{Block, Simulation};
 use super::tile::BLOCK;
 use crate::keys;
 use gridfall_core::maths::real::Real;
+use gridfall_core::sim::setup::{Axis, ContactKind};
 
 /// Where a particle goes, and where it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -128,7 +130,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
 
     /// Gives up all particles and nodes; returns the blocks.
     pub(super) fn clear(&mut self) -> Vec<Block<T, D>> {
-        (self.tiles, self.grid) = (Vec::new(), Grid::default());
+        (self.tiles, self.volumes, self.grid) = (Vec::new(), Vec::new(), Grid::default());
         std::mem::take(&mut self.blocks)
     }
 
@@ -165,7 +167,9 @@ impl<T: Real, const D: usize> Simulation<T, D> {
             let runs = places.chunk_by(|a, b| body(a) == body(b)).flat_map(|of_body| of_body.chunks(LANES));
             let runs: Vec<&[Place]> = runs.collect();
             let chunks = runs.into_iter().map(|run| chunk(source, run)).collect();
-            Block { coordinates, chunks, inside: self.inside(&coordinates) }
+            let walls = wall_room(&self.setup, &self.constants.layout, &coordinates);
+            let (inside, planes) = (self.inside(&coordinates), self.planes(&coordinates));
+            Block { coordinates, chunks, inside, planes, walls }
         };
         let mut blocks = Vec::with_capacity(of_block.len());
         for part in of_block.chunks(of_block.len().div_ceil(PARTS).max(1)) {
@@ -176,8 +180,22 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         drop(of_block);
         drop(places);
         self.tiles = vec![[T::ZERO; 4]; blocks.len() * self.constants.layout.tile(D)];
+        self.volumes = vec![T::ZERO; if self.constants.mixed { self.tiles.len() } else { 0 }];
         self.grid = Grid::new(&blocks, &self.constants.layout, &self.constants.period);
         self.blocks = blocks;
+    }
+
+    /// Where the planes of sticky walls are, relative to a block.
+    fn planes(&self, block: &[i32; D]) -> [[T; 2]; D] {
+        std::array::from_fn(|a| {
+            let planes = [0, self.setup.cells[a] as i32].map(|plane| T::from_i32(plane - BLOCK * block[a]));
+            let Axis::Walls(contacts) = &self.setup.axes[a] else { return [-1e30, 1e30].map(T::from_f64) };
+            let plane = |side: usize, beyond: f64| match contacts[side].kind {
+                ContactKind::Sticky => planes[side],
+                _ => T::from_f64(beyond),
+            };
+            [plane(0, -1e30), plane(1, 1e30)]
+        })
     }
 
     fn inside(&self, block: &[i32; D]) -> [[T; 2]; D] {

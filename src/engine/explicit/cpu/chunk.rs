@@ -3,7 +3,7 @@
 
 use gridfall_core::maths::linalg::{Matrix, Vector, apply};
 use gridfall_core::maths::real::Real;
-use gridfall_core::sim::kernel::ShapeFunction;
+use gridfall_core::sim::kernel::{ShapeFunction, times_inverse_diagonal};
 
 /// Particles of a chunk.
 pub const LANES: usize = 16;
@@ -229,6 +229,18 @@ impl<T: Real, const D: usize, const G: usize, const W: usize> Stencils<T, D, G, 
             }
         }
         product
+    }
+
+    /// Mean of x_i − x_p over the nodes of grid g, Σ w (x_i − x_p)/dx, along axis a.
+    #[inline(always)]
+    pub fn mean(&self, a: usize, g: usize, l: usize) -> T {
+        if g == 0 { self.skew[a][l] } else { -self.skew[a][l] }
+    }
+
+    /// m diag(spread)⁻¹ at lane l's position.
+    #[inline(always)]
+    pub fn times_inverse_spread(&self, m: &Matrix<T, D>, l: usize) -> Matrix<T, D> {
+        times_inverse_diagonal(m, &vector(&self.spread, l))
     }
 
     /// m D⁻¹ at lane l's position.

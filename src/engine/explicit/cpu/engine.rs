@@ -105,21 +105,36 @@ impl Engine for CpuEngine {
         let mut from_s = start_s;
         let mut done = 0;
         let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.setup)];
-        self.stages.p2g(plan.dt_s);
+        let staggered = self.setup.is_staggered();
+        // The time over which forces act before the coming motion.
+        let mut kick_s = if staggered { 0.5 * plan.dt_s } else { plan.dt_s };
+        self.stages.p2g(kick_s);
         loop {
             if control.canceled() {
                 return Err(EngineError::Canceled);
             }
-            reaction::add_all(&mut impulses, &self.stages.grid_update(plan.dt_s, self.time_s));
+            reaction::add_all(&mut impulses, &self.stages.grid_update(kick_s, self.time_s));
             done += 1;
             let last = done == plan.steps;
-            let moved = if last { self.stages.g2p(plan.dt_s) } else { self.stages.g2p2g(plan.dt_s) };
+            kick_s = if last && staggered { 0.5 * plan.dt_s } else { plan.dt_s };
+            let moved =
+                if last && !staggered { self.stages.g2p(plan.dt_s) } else { self.stages.g2p2g(plan.dt_s, kick_s) };
             self.step += 1;
             self.time_s = if last { start_s + frame_s } else { from_s + done as f64 * plan.dt_s };
             self.check(&moved)?;
             control.progress(self.step, self.time_s);
             isolated_reset += moved.isolated;
             if last {
+                if staggered {
+                    if moved.strayed {
+                        self.stages.bin();
+                        self.stages.p2g(kick_s);
+                    }
+                    reaction::add_all(&mut impulses, &self.stages.grid_update(kick_s, self.time_s));
+                    let moved = self.stages.g2p(0.0);
+                    self.check(&moved)?;
+                    isolated_reset += moved.isolated;
+                }
                 break;
             }
             // Faster or stiffer than planned for: what remains of the frame in smaller equal steps.
@@ -130,12 +145,14 @@ impl Engine for CpuEngine {
                 let extremes = self.stages.extremes();
                 from_s = self.time_s;
                 let longest = plan_frame(&self.setup, &extremes, start_s + frame_s - from_s);
-                plan = longest.no_longer_than(SHRINK * plan.dt_s);
+                let before_s = plan.dt_s;
+                plan = longest.no_longer_than(SHRINK * before_s);
                 done = 0;
+                kick_s = if staggered { 0.5 * (before_s + plan.dt_s) } else { plan.dt_s };
             }
             if too_long || moved.strayed {
                 self.stages.bin();
-                self.stages.p2g(plan.dt_s);
+                self.stages.p2g(kick_s);
             }
         }
         let steps = self.step - first_step;

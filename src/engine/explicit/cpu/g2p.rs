@@ -1,17 +1,24 @@
 //! Grid to particles, and the particles' own update (CK-MPM, eqs. 23–30).
 //!
-//! v = ½ Σ_s Σ_i w v_i, B = ½ Σ_s Σ_i w v_i (x_i − x_p)ᵀ; ∇v = B D(x)⁻¹ at the old position (MLS) or ½ Σ_s Σ_i v_i ∇wᵀ
-//! (APIC, PIC); F ← (I + dt ∇v) F, a fluid's J ← (1 + dt tr ∇v) J; x ← x + dt v. Single-grid kernels have no ½.
+//! v = ½ Σ_s Σ_i w v_i, B = ½ Σ_s Σ_i w v_i (x_i − x_p)ᵀ; ∇v at the old position:
+//! * MLS: ½ Σ_s Σ_i w v_i (x_i − x_p − x̄_s)ᵀ diag(p)⁻¹, with x̄_s the mean of grid s;
+//! * MLS as published: B D(x)⁻¹;
+//! * APIC, PIC: ½ Σ_s Σ_i v_i ∇wᵀ.
+//!
+//! Where a body's volume follows its fill, J or F first goes a little towards it. Then
+//! F ← (I + dt ∇v) F, a fluid's J ← (1 + dt tr ∇v) J; x ← x + dt v. Single-grid kernels have no ½.
 //! In: node velocities of a tile. Out: particles of its block. One thread a block.
 
-use super::chunk::{Chunk, LANES, MatrixLanes, State, Stencils, matrix, set_matrix};
-use super::simulation::Constants;
-use super::tile::{BLOCK, Node, SLACK, Walk, add_scaled, index, scale};
-use gridfall_core::maths::linalg::{add_scaled as add_scaled_matrix, mul, trace};
+use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, State, Stencils, matrix, set_matrix};
+use super::fill::{self, Around};
+use super::simulation::{BodySetup, Constants, Relaxation};
+use super::tile::{BLOCK, MASS, Node, SLACK, Walk, add_scaled, index, scale};
+use gridfall_core::maths::linalg::{add_scaled as add_scaled_matrix, det, mul, trace};
 use gridfall_core::maths::real::Real;
 use gridfall_core::maths::widest::widest;
 use gridfall_core::sim::kernel::ShapeFunction;
 use gridfall_core::sim::timestep::MAX_GROWTH;
+use gridfall_core::sim::volume;
 
 /// What the particles of a block did.
 #[derive(Clone, Copy, Debug, Default)]
@@ -47,48 +54,75 @@ impl<T: Real> Moves<T> {
 }
 
 widest! {
-    /// Velocities and B of a chunk's particles from the velocities of a tile, and ∇v (1/s).
+    /// Velocities and B of a chunk's particles from the velocities of a tile, ∇v (1/s), and the fill of their room if
+    /// their volume follows it.
     pub fn gather[T: Real, K: ShapeFunction<G, W>, const D: usize, const G: usize, const W: usize][T, K, D, G, W](
         constants: &Constants<T, D>,
         chunk: &mut Chunk<T, D>,
         tile: &[Node<T>],
+        around: &Around<T, D>,
         grad_v: &mut MatrixLanes<T, D>,
+        fill: &mut Lanes<T>,
     ) {
         let stencils = Stencils::<T, D, G, W>::new::<K>(&chunk.x);
         let lowest = &constants.layout.lowest;
-        if constants.affine {
+        // ½ (v̄⁺ − v̄⁻): half the difference of the grids' means.
+        let mut apart = [[T::ZERO; LANES]; D];
+        if constants.transfer.is_affine() {
             let moments = stencils.moments();
             for l in 0..chunk.count {
-                let (v, moment) = gather_lane(lowest, &stencils, &moments, l, tile);
+                let (v, moment, difference) = gather_lane(lowest, &stencils, &moments, l, tile);
                 for i in 0..D {
                     chunk.v[i][l] = v[i];
+                    apart[i][l] = difference[i];
                     for k in 0..D {
                         chunk.b[i][k][l] = moment[k][i];
                     }
                 }
+                fill[l] = v[MASS];
             }
         }
-        if constants.gradient_form {
+        if !constants.transfer.is_mls() {
             for l in 0..chunk.count {
-                let (v, slope) = gather_lane(lowest, &stencils, &stencils.slope, l, tile);
+                let (v, slope, _) = gather_lane(lowest, &stencils, &stencils.slope, l, tile);
                 for i in 0..D {
                     chunk.v[i][l] = v[i];
                     for k in 0..D {
                         grad_v[i][k][l] = slope[k][i] / constants.dx;
                     }
                 }
+                fill[l] = v[MASS];
             }
         } else {
             for l in 0..LANES {
-                let c = stencils.times_inverse_moment::<K>(&matrix(&chunk.b, l), l);
-                set_matrix(grad_v, l, &c.map(|row| row.map(|c| c / constants.dx)));
+                let mut moment = matrix(&chunk.b, l);
+                let rates = if constants.transfer.is_centred() {
+                    for i in 0..D {
+                        for k in 0..D {
+                            moment[i][k] -= apart[i][l] * stencils.mean(k, 0, l);
+                        }
+                    }
+                    stencils.times_inverse_spread(&moment, l)
+                } else {
+                    stencils.times_inverse_moment::<K>(&moment, l)
+                };
+                set_matrix(grad_v, l, &rates.map(|row| row.map(|c| c / constants.dx)));
+            }
+        }
+        let body = &constants.bodies[chunk.body as usize];
+        if body.relaxation.is_some() {
+            for l in 0..LANES {
+                fill[l] *= body.cells / body.mass;
+            }
+            if around.is_special() {
+                fill::beside(&constants.layout, chunk.count, &stencils, around, fill);
             }
         }
     }
 }
 
 /// ½ Σ_s Σ_i w v_i, and per axis ½ Σ_s Σ_i v_i `other`, where `other` takes the weight's place on that axis: w d for
-/// B (d = (x_i − x_p)/dx), ∂w/∂x dx for ∇v.
+/// B (d = (x_i − x_p)/dx), ∂w/∂x dx for ∇v. Last ½ Σ_s s Σ_i w v_i, 0 on a single grid.
 #[inline(always)]
 pub(super) fn gather_lane<T: Real, const D: usize, const G: usize, const W: usize>(
     lowest: &[i32; 2],
@@ -96,12 +130,16 @@ pub(super) fn gather_lane<T: Real, const D: usize, const G: usize, const W: usiz
     other: &[[[[T; LANES]; W]; G]; D],
     l: usize,
     tile: &[Node<T>],
-) -> (Node<T>, [Node<T>; D]) {
+) -> (Node<T>, [Node<T>; D], Node<T>) {
     let walk = const { Walk::new(D, G, W) };
     let (middle, inner) = (D - 2, D - 1);
     let zero = [T::ZERO; 4];
     let (mut total, mut moment) = (zero, [zero; D]);
+    let mut first = zero;
     for g in 0..G {
+        if g == 1 {
+            first = total;
+        }
         let mut base = [0; D];
         for a in 0..D {
             base[a] = s.base[a][g][l];
@@ -132,19 +170,66 @@ pub(super) fn gather_lane<T: Real, const D: usize, const G: usize, const W: usiz
         }
     }
     let mean = T::ONE / T::from_i32(G as i32);
-    (scale(mean, total), moment.map(|m| scale(mean, m)))
+    // Σ⁺ − Σ⁻ = 2 Σ⁺ − (Σ⁺ + Σ⁻).
+    let difference = if G == 2 { add_scaled(scale(T::TWO, first), -T::ONE, total) } else { zero };
+    (scale(mean, total), moment.map(|m| scale(mean, m)), scale(mean, difference))
+}
+
+/// J, or the volumetric strain of grains, a little towards that of which the fill tells.
+#[inline(always)]
+fn relax<T: Real, const D: usize>(
+    body: &BodySetup<T>,
+    relaxation: &Relaxation<T>,
+    chunk: &mut Chunk<T, D>,
+    dt: T,
+    fill: &Lanes<T>,
+) {
+    let slow = relaxation.rate * dt;
+    let per_crowd = T::from_f64(1.0 / volume::CROWD);
+    let (mut goal, mut share) = ([T::ONE; LANES], [T::ZERO; LANES]);
+    for l in 0..LANES {
+        let fill = (fill[l] / relaxation.full).max(T::ONE);
+        let crowd = (fill - T::ONE) * per_crowd;
+        share[l] = (slow * (T::ONE + crowd * crowd)).min(T::ONE);
+        goal[l] = T::ONE / fill.min(T::from_f64(volume::FULLEST));
+    }
+    match &mut chunk.state {
+        State::Fluid { j, .. } => {
+            for l in 0..LANES {
+                j[l] += share[l] * (goal[l] - j[l]);
+            }
+        }
+        State::Solid { f: lanes, plastic } => {
+            for l in (0..chunk.count).filter(|&l| fill[l] > relaxation.full) {
+                let f = matrix(lanes, l);
+                let gained = body.law.gained_volume(plastic[l]).unwrap_or(T::ZERO);
+                let volume = det(&f) * gained.exp();
+                if volume > goal[l] {
+                    let change = share[l] * (goal[l] / volume - T::ONE);
+                    let stretch = (change.ln_1p() / T::from_i32(D as i32)).exp();
+                    set_matrix(lanes, l, &f.map(|row| row.map(|f| f * stretch)));
+                }
+            }
+        }
+    }
 }
 
 widest! {
     /// F ← (I + dt ∇v) F, or a fluid's J ← (1 + dt tr ∇v) J; x ← x + dt v. `inside` bounds
-    /// positions (dx, relative to the block).
+    /// positions and `planes` stops them (dx, relative to the block).
     pub fn advance[T: Real, const D: usize][T, D](
         constants: &Constants<T, D>,
         chunk: &mut Chunk<T, D>,
         dt: T,
         grad_v: &MatrixLanes<T, D>,
+        fill: &Lanes<T>,
         inside: &[[T; 2]; D],
+        planes: &[[T; 2]; D],
     ) -> Moves<T> {
+        let body = &constants.bodies[chunk.body as usize];
+        if let Some(relaxation) = &body.relaxation {
+            relax(body, relaxation, chunk, dt, fill);
+        }
         match &mut chunk.state {
             State::Fluid { j, grad_v: kept } => {
                 for l in 0..LANES {
@@ -168,7 +253,11 @@ widest! {
         let mut speed_squared = [T::ZERO; LANES];
         for a in 0..D {
             for l in 0..LANES {
-                let x = chunk.x[a][l] + step * chunk.v[a][l];
+                let from = chunk.x[a][l];
+                // A plane stops those that come from inside, and does not hide one that is outside.
+                let mut x = from + step * chunk.v[a][l];
+                x = if from >= planes[a][0] { x.max(planes[a][0]) } else { x };
+                x = if from <= planes[a][1] { x.min(planes[a][1]) } else { x };
                 chunk.x[a][l] = x;
                 speed_squared[l] += chunk.v[a][l] * chunk.v[a][l];
                 moves.strayed |= (x < low) | (x >= high);

@@ -12,7 +12,7 @@ use super::tables::Tables;
 use super::tile::{BLOCK, Layout, MASS, Node};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::collider::{NORMAL_STEP_DX, Placed};
-use gridfall_core::sim::contact::{respond, wall_side};
+use gridfall_core::sim::contact::{ContactKind, mirrored, respond, stick_mirrored, wall_side};
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::{Axis, Contact, Setup};
 
@@ -22,6 +22,43 @@ pub struct Grid<T, const D: usize> {
     tables: Tables<D>,
     /// With the mass as last component.
     velocities: Vec<Node<T>>,
+    /// Share of each node's room outside colliders; empty without any.
+    room: Vec<T>,
+    /// Rest volume at each node over dx^d; empty unless materials differ.
+    filled: Vec<T>,
+}
+
+/// What P2G has summed by tiles.
+pub struct Tiles<'a, T> {
+    pub nodes: &'a [Node<T>],
+    /// Rest volumes over dx^d; empty unless materials differ.
+    pub volumes: &'a [T],
+}
+
+/// What G2P reads at the nodes of a tile.
+pub struct Gathered<T> {
+    pub velocities: Vec<Node<T>>,
+    /// Empty if nothing is known of them.
+    room: Vec<T>,
+    filled: Vec<T>,
+    /// Whether a collider takes room from a node.
+    cut: bool,
+}
+
+impl<T: Real> Gathered<T> {
+    pub fn new(nodes: usize) -> Self {
+        Self { velocities: vec![[T::ZERO; 4]; nodes], room: Vec::new(), filled: Vec::new(), cut: false }
+    }
+
+    /// Share of each node's room outside colliders, if any has less than all.
+    pub fn room(&self) -> Option<&[T]> {
+        self.cut.then_some(&self.room)
+    }
+
+    /// Rest volume at each node over dx^d, if it is known.
+    pub fn filled(&self) -> Option<&[T]> {
+        (!self.filled.is_empty()).then_some(&self.filled)
+    }
 }
 
 /// A node as tests see it.
@@ -44,14 +81,22 @@ impl<T: Real, const D: usize> Grid<T, D> {
         let corners: Vec<[i32; D]> = blocks.iter().map(|b| b.coordinates).collect();
         let tables = Tables::new(&corners, layout, period);
         let velocities = vec![[T::ZERO; 4]; tables.nodes()];
-        Self { tables, velocities }
+        Self { tables, velocities, room: Vec::new(), filled: Vec::new() }
     }
 
-    /// Copies the velocities of a tile's nodes.
-    pub fn load_tile(&self, tile: usize, into: &mut [Node<T>]) {
-        for (node, &slot) in into.iter_mut().zip(self.tables.tile(tile)) {
+    /// Copies what G2P reads at a tile's nodes.
+    pub fn load_tile(&self, tile: usize, into: &mut Gathered<T>) {
+        let slots = self.tables.tile(tile);
+        for (node, &slot) in into.velocities.iter_mut().zip(slots) {
             *node = self.velocities[slot as usize];
         }
+        for (from, to) in [(&self.room, &mut into.room), (&self.filled, &mut into.filled)] {
+            to.clear();
+            if !from.is_empty() {
+                to.extend(slots.iter().map(|&slot| from[slot as usize]));
+            }
+        }
+        into.cut = into.room.iter().any(|&share| share < T::ONE);
     }
 
     #[inline(always)]
@@ -66,47 +111,75 @@ impl<T: Real, const D: usize> Grid<T, D> {
         total
     }
 
-    /// Updates the velocities; the impulses that surfaces take. `shift`: where node 0 of each grid
-    /// lies (dx).
+    fn volume(&self, node: usize, volumes: &[T]) -> T {
+        self.tables.entries(node).iter().map(|&entry| volumes[entry as usize]).sum()
+    }
+
+    /// Mass of a node and its velocity before contact. None for a mass that is not a normal number:
+    /// the velocity would be noise, and such a node adds nothing to its particles.
+    #[inline(always)]
+    fn free(&self, slot: usize, tiles: &[Node<T>], fall: &[T; D]) -> Option<(T, [T; D])> {
+        let node = self.sum(slot, tiles);
+        (node[MASS] >= T::TINY).then(|| (node[MASS], std::array::from_fn(|a| node[a] / node[MASS] + fall[a])))
+    }
+
+    /// Updates the velocities; the impulses that surfaces take.
     pub fn update(
         &mut self,
         setup: &Setup,
-        tiles: &[Node<T>],
-        shift: [f64; 2],
+        tiles: &Tiles<T>,
+        layout: &Layout,
         dt_s: f64,
         time_s: f64,
     ) -> Vec<Reaction> {
         let fall: [T; D] = std::array::from_fn(|a| T::from_f64(dt_s * setup.gravity[a]));
         let present = setup.colliders.iter().zip(reaction::WALLS..).filter(|(c, _)| c.is_present(time_s));
-        let present: Vec<Surface> =
-            present.map(|(c, index)| Surface { index, contact: c.contact, collider: c.at(time_s) }).collect();
+        let present: Vec<Surface> = present
+            .map(|(c, index)| Surface { index, contact: c.contact, grip: c.grip, collider: c.at(time_s) })
+            .collect();
         let mut velocities = std::mem::take(&mut self.velocities);
         let nodes = self.tables.block_nodes();
-        let blocks = velocities.par_chunks_exact_mut(nodes).zip(&self.tables.blocks).enumerate();
+        self.filled.clear();
+        if !tiles.volumes.is_empty() {
+            self.filled =
+                (0..self.tables.nodes()).into_par_iter().map(|node| self.volume(node, tiles.volumes)).collect();
+        }
+        let mut room = std::mem::take(&mut self.room);
+        room.resize(if present.is_empty() { 0 } else { self.tables.nodes() }, T::ONE);
+        let walls = Walls { setup, grid: self, tiles: tiles.nodes, fall };
+        let mut rooms = room.chunks_exact_mut(nodes);
+        let blocks = velocities.chunks_exact_mut(nodes).zip(&self.tables.blocks).map(|(v, c)| (v, c, rooms.next()));
+        let blocks: Vec<_> = blocks.collect();
         let taken: Vec<Taken> = blocks
-            .map(|(index, (block, corner))| {
+            .into_par_iter()
+            .enumerate()
+            .map(|(index, (block, corner, mut room))| {
                 let near = near(setup, &present, corner);
                 let mut taken = Taken { setup, sums: Vec::new() };
+                if let Some(room) = &mut room {
+                    room.fill(T::ONE);
+                }
                 for (local, velocity) in block.iter_mut().enumerate() {
-                    let node = self.sum(index * nodes + local, tiles);
                     *velocity = [T::ZERO; 4];
-                    // Momentum over a mass that is not a normal number would be noise; such a node
-                    // adds nothing to its particles.
-                    if node[MASS] < T::TINY {
-                        continue;
-                    }
-                    let v = std::array::from_fn(|a| node[a] / node[MASS] + fall[a]);
                     let (g, i) = Tables::node(corner, local);
-                    let at = At { node: i, shift: shift[g], mass: node[MASS] };
-                    let v = walls(setup, v, &at, &mut taken);
+                    let free = self.free(index * nodes + local, tiles.nodes, &fall);
+                    let at = At { node: i, shift: layout.shift[g], mass: free.map_or(T::ZERO, |(mass, _)| mass) };
+                    if let (Some(room), false) = (&mut room, near.is_empty()) {
+                        room[local] = T::from_f64(free_share(setup, &near, layout, &at));
+                    }
+                    let Some((mass, v)) = free else { continue };
+                    let v = walls.respond(D, g, i, mass, v, &mut |wall, from, to| {
+                        taken.take(wall, mass, from, to, [0.0; 3]);
+                    });
                     let v = near.iter().fold(v, |v, surface| collide(setup, surface, v, &at, &mut taken));
                     velocity[..D].copy_from_slice(&v);
-                    velocity[MASS] = node[MASS];
+                    velocity[MASS] = mass;
                 }
                 taken
             })
             .collect();
         self.velocities = velocities;
+        self.room = room;
         let mut impulses = vec![Reaction::default(); reaction::surfaces(setup)];
         taken.iter().for_each(|taken| reaction::add_all(&mut impulses, &taken.sums));
         // Each grid carries the full mass.
@@ -162,18 +235,47 @@ impl Taken<'_> {
     }
 }
 
-fn walls<T: Real, const D: usize>(setup: &Setup, mut v: [T; D], at: &At<T, D>, taken: &mut Taken) -> [T; D] {
-    for a in 0..D {
-        let Axis::Walls(contacts) = &setup.axes[a] else { continue };
-        if let Some(side) = wall_side(at.node[a], setup.cells[a] as i32) {
-            let mut normal = [T::ZERO; D];
-            normal[a] = if side == 0 { T::ONE } else { -T::ONE };
-            let after = respond(&contacts[side], &v, &normal, &[T::ZERO; D]);
-            taken.take(2 * a + side, at.mass, &v, &after, [0.0; 3]);
-            v = after;
-        }
+/// Who hears which wall changes a velocity from what to what.
+type Hears<'a, T, const D: usize> = dyn FnMut(usize, &[T; D], &[T; D]) + 'a;
+
+/// The walls of the domain, and the nodes that they meet.
+struct Walls<'a, T, const D: usize> {
+    setup: &'a Setup,
+    grid: &'a Grid<T, D>,
+    tiles: &'a [Node<T>],
+    fall: [T; D],
+}
+
+impl<T: Real, const D: usize> Walls<'_, T, D> {
+    /// The velocity `v` of a node before contact becomes that after contact with the walls of the
+    /// first `axes` axes, one after the other. `take` hears of every change.
+    fn respond(&self, axes: usize, g: usize, node: [i32; D], mass: T, v: [T; D], take: &mut Hears<'_, T, D>) -> [T; D] {
+        let Some(a) = axes.checked_sub(1) else { return v };
+        let v = self.respond(a, g, node, mass, v, take);
+        let Axis::Walls(contacts) = &self.setup.axes[a] else { return v };
+        let (i, cells) = (node[a], self.setup.cells[a] as i32);
+        let is_sticky = |side: usize| contacts[side].kind == ContactKind::Sticky;
+        let (side, after) = match (mirrored(i, cells), wall_side(i, cells)) {
+            (Some((side, image)), _) if is_sticky(side) => {
+                let mut there = node;
+                there[a] = image;
+                // The mirror image of a grid is the other one, a single grid's its own.
+                let other = self.grid.tables.grids - 1 - g;
+                let slot = self.grid.tables.slot(other, there);
+                let Some((m, u)) = slot.and_then(|slot| self.grid.free(slot, self.tiles, &self.fall)) else { return v };
+                let u = self.respond(a, other, there, m, u, &mut |_, _, _| {});
+                (side, stick_mirrored([&v, &u], [mass, m]))
+            }
+            (_, Some(side)) if !is_sticky(side) => {
+                let mut normal = [T::ZERO; D];
+                normal[a] = if side == 0 { T::ONE } else { -T::ONE };
+                (side, respond(&contacts[side], &v, &normal, &[T::ZERO; D]))
+            }
+            _ => return v,
+        };
+        take(2 * a + side, &v, &after);
+        after
     }
-    v
 }
 
 /// Where a node is (m), in scene coordinates.
@@ -189,6 +291,7 @@ fn position<const D: usize>(setup: &Setup, node: [i32; D], shift: f64) -> [f64; 
 struct Surface<'a> {
     index: usize,
     contact: Contact,
+    grip: bool,
     collider: Placed<'a>,
 }
 
@@ -196,14 +299,22 @@ struct Surface<'a> {
 /// (and a slack of sampled shapes), so that the one at the block's middle decides.
 fn near<'a, const D: usize>(setup: &Setup, present: &'a [Surface<'a>], corner: &[i32; D]) -> Vec<&'a Surface<'a>> {
     let middle = position(setup, corner.map(|c| BLOCK * c + BLOCK / 2), 0.0);
-    // Nodes lie within 2¼ cells of the middle on every axis.
-    let reach = 2.25 * (D as f64).sqrt() * setup.dx;
+    // Nodes lie within 2¼ cells of the middle on every axis, and have room up to two cells from them.
+    let reach = (2.25 * (D as f64).sqrt() + 2.0) * setup.dx;
     present.iter().filter(|surface| surface.collider.distance(middle) <= reach + surface.collider.slack()).collect()
+}
+
+/// Share of a node's room outside colliders, as if their surfaces were planes. Grips take none: they overlap what they
+/// hold.
+fn free_share<T, const D: usize>(setup: &Setup, near: &[&Surface], layout: &Layout, at: &At<T, D>) -> f64 {
+    let x = position(setup, at.node, at.shift);
+    let solid = near.iter().filter(|surface| !surface.grip);
+    solid.map(|surface| (layout.inside)(surface.collider.distance(x) / setup.dx)).product()
 }
 
 fn collide<T: Real, const D: usize>(
     setup: &Setup,
-    Surface { index, contact, collider }: &Surface,
+    Surface { index, contact, collider, .. }: &Surface,
     v: [T; D],
     at: &At<T, D>,
     taken: &mut Taken,

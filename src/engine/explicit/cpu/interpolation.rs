@@ -4,9 +4,10 @@
 use std::marker::PhantomData;
 
 use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, Stencils, matrix, set_matrix};
+use super::fill::Around;
 use super::simulation::Constants;
 use super::tile::{Layout, Node};
-use super::{g2p, isolated, p2g};
+use super::{fill, g2p, isolated, p2g};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::kernel::{Compact, Cubic, Linear, Quadratic, ShapeFunction};
 use gridfall_core::sim::setup::Kernel;
@@ -20,8 +21,12 @@ pub trait Interpolation<T, const D: usize>: Send + Sync {
         constants: &Constants<T, D>,
         chunk: &mut Chunk<T, D>,
         tile: &[Node<T>],
+        around: &Around<T, D>,
         grad_v: &mut MatrixLanes<T, D>,
+        fill: &mut Lanes<T>,
     );
+    /// [`fill::scatter`].
+    fn scatter_volume(&self, constants: &Constants<T, D>, chunk: &Chunk<T, D>, volumes: &mut [T]);
     /// [`p2g::scatter`].
     fn scatter(
         &self,
@@ -53,9 +58,15 @@ impl<T: Real, K: ShapeFunction<G, W>, const D: usize, const G: usize, const W: u
         constants: &Constants<T, D>,
         chunk: &mut Chunk<T, D>,
         tile: &[Node<T>],
+        around: &Around<T, D>,
         grad_v: &mut MatrixLanes<T, D>,
+        fill: &mut Lanes<T>,
     ) {
-        g2p::gather::<T, K, D, G, W>(constants, chunk, tile, grad_v);
+        g2p::gather::<T, K, D, G, W>(constants, chunk, tile, around, grad_v, fill);
+    }
+
+    fn scatter_volume(&self, constants: &Constants<T, D>, chunk: &Chunk<T, D>, volumes: &mut [T]) {
+        fill::scatter::<T, K, D, G, W>(constants, chunk, volumes);
     }
 
     fn scatter(

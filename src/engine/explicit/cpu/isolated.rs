@@ -30,7 +30,7 @@ pub fn find<T: Real, K: ShapeFunction<G, W>, const D: usize, const G: usize, con
     let own = stencils.own_share();
     let mut alone = [false; LANES];
     for l in 0..chunk.count {
-        let (total, _) = gather_lane(&constants.layout.lowest, &stencils, &stencils.weight, l, tile);
+        let (total, ..) = gather_lane(&constants.layout.lowest, &stencils, &stencils.weight, l, tile);
         alone[l] = total[MASS] < mass * own[l] * T::from_f64(1.0 + ALONE);
     }
     alone
@@ -48,7 +48,7 @@ pub fn reset<T: Real, K: ShapeFunction<G, W>, const D: usize, const G: usize, co
             State::Solid { f, .. } => set_matrix(f, l, &scaled_identity(T::ONE)),
             State::Fluid { j, .. } => j[l] = T::ONE,
         }
-        if constants.affine {
+        if constants.transfer.is_affine() {
             let d = stencils.times_moment(&scaled_identity(T::ONE), l);
             let spin = rotation_of(&matrix(&chunk.b, l), &d);
             set_matrix(&mut chunk.b, l, &stencils.times_moment(&spin, l));

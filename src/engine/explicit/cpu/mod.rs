@@ -5,6 +5,7 @@
 mod bin;
 mod chunk;
 mod engine;
+mod fill;
 mod flow;
 mod g2p;
 mod grid_update;

@@ -1,18 +1,20 @@
 //! Particles to grid: m_i = Σ w m, p_i = Σ w m (v + C (x_i − x_p)) + dt f_i, per grid of the dual
 //! pair (CK-MPM, eqs. 15–22).
 //!
-//! C = B D(x)⁻¹ at the particle's new position. Force: −V0 τ D⁻¹ (x_i − x_p) w (MLS) or −V0 τ ∇w (APIC, PIC).
+//! C = B D(x)⁻¹ at the particle's new position. Force: −V0 τ diag(p)⁻¹ (x_i − x_p − x̄_s) w with x̄_s the mean of
+//! grid s (MLS), −V0 τ D⁻¹ (x_i − x_p) w (MLS as published) or −V0 τ ∇w (APIC, PIC).
 //! In: particles of a block. Out: its tile. One thread a block.
 
-use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, State, Stencils, matrix, set_matrix};
+use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, State, Stencils, matrix, set_matrix, vector};
 use super::simulation::Constants;
 use super::tile::{MASS, Node, Walk, add_scaled, index, scale};
 use gridfall_core::material::Law;
-use gridfall_core::maths::linalg::{Matrix, scaled_identity};
+use gridfall_core::maths::linalg::{Matrix, add_scaled as add_scaled_matrix, apply, scaled_identity};
 use gridfall_core::maths::real::Real;
 use gridfall_core::maths::svd::{NEWTON_STEPS, is_regular, newton_step, polar_by_svd};
 use gridfall_core::maths::widest::widest;
 use gridfall_core::sim::kernel::ShapeFunction;
+use gridfall_core::sim::setup::Transfer;
 
 widest! {
     /// Adds a chunk's particles, whose stresses are `tau`, to its block's tile.
@@ -26,19 +28,29 @@ widest! {
         let body = &constants.bodies[chunk.body as usize];
         let stencils = Stencils::<T, D, G, W>::new::<K>(&chunk.x);
 
-        // Momentum is w (m v + affine d) − Σ_a pull_a ∂w/∂x_a with d = (x_i − x_p)/dx.
+        // Momentum is w (m v ∓ push + affine d) − Σ_a pull_a ∂w/∂x_a with d = (x_i − x_p)/dx.
         let (mut affine, mut pulls) = ([[[T::ZERO; LANES]; D]; D], [[[T::ZERO; LANES]; D]; D]);
+        let mut push = [[T::ZERO; LANES]; D];
         let impulse = dt * body.volume0 / constants.dx;
         for l in 0..LANES {
             let (mut moment, mut pull) = (matrix(&chunk.b, l), matrix(tau, l));
             for i in 0..D {
                 for k in 0..D {
                     pull[i][k] *= -impulse;
-                    let force = if constants.gradient_form { T::ZERO } else { pull[i][k] };
+                    let force = if constants.transfer == Transfer::MlsPublished { pull[i][k] } else { T::ZERO };
                     moment[i][k] = body.mass * moment[i][k] + force;
                 }
             }
-            set_matrix(&mut affine, l, &stencils.times_inverse_moment::<K>(&moment, l));
+            let mut slope = stencils.times_inverse_moment::<K>(&moment, l);
+            if constants.transfer.is_centred() {
+                let force = stencils.times_inverse_spread(&pull, l);
+                slope = add_scaled_matrix(&slope, T::ONE, &force);
+                let about = apply(&force, &vector(&stencils.skew, l));
+                for i in 0..D {
+                    push[i][l] = about[i];
+                }
+            }
+            set_matrix(&mut affine, l, &slope);
             set_matrix(&mut pulls, l, &pull);
         }
         for l in 0..chunk.count {
@@ -54,23 +66,29 @@ widest! {
                 }
             }
             value[MASS] = body.mass;
+            let mut values = [value; G];
+            for i in 0..D {
+                for g in 0..G {
+                    values[g][i] += if g == 0 { -push[i][l] } else { push[i][l] };
+                }
+            }
             let lowest = &constants.layout.lowest;
-            if constants.gradient_form {
-                scatter_lane::<T, D, G, W, true>(lowest, &stencils, l, value, &column, &pull, tile);
+            if constants.transfer.is_mls() {
+                scatter_lane::<T, D, G, W, false>(lowest, &stencils, l, &values, &column, &pull, tile);
             } else {
-                scatter_lane::<T, D, G, W, false>(lowest, &stencils, l, value, &column, &pull, tile);
+                scatter_lane::<T, D, G, W, true>(lowest, &stencils, l, &values, &column, &pull, tile);
             }
         }
     }
 }
 
-/// Adds w (value + Σ_a column_a d_a) and, in the gradient form, Σ_a pull_a ∂w/∂x_a to the particle's nodes.
+/// Adds w (value_g + Σ_a column_a d_a) and, in the gradient form, Σ_a pull_a ∂w/∂x_a to the particle's nodes.
 #[inline(always)]
 fn scatter_lane<T: Real, const D: usize, const G: usize, const W: usize, const GRADIENT: bool>(
     lowest: &[i32; 2],
     s: &Stencils<T, D, G, W>,
     l: usize,
-    value: Node<T>,
+    values: &[Node<T>; G],
     column: &[Node<T>; D],
     pull: &[Node<T>; D],
     tile: &mut [Node<T>],
@@ -79,7 +97,7 @@ fn scatter_lane<T: Real, const D: usize, const G: usize, const W: usize, const G
     let (middle, inner) = (D - 2, D - 1);
     for g in 0..G {
         let mut base = [0; D];
-        let mut origin = value;
+        let mut origin = values[g];
         for a in 0..D {
             base[a] = s.base[a][g][l];
             origin = add_scaled(origin, s.offset[a][g][l], column[a]);

@@ -4,9 +4,10 @@ use rayon::prelude::*;
 
 use super::bin::{self, Place};
 use super::chunk::{Chunk, MatrixLanes, State, matrix};
+use super::fill::{self, Around, WallRoom};
 use super::flow;
 use super::g2p::{self, Moves};
-use super::grid_update::Grid;
+use super::grid_update::{Gathered, Grid, Tiles};
 use super::interpolation::{Interpolation, interpolation};
 use super::narrow::Narrow;
 use super::p2g;
@@ -16,8 +17,9 @@ use gridfall_core::maths::linalg::{double_dot, scaled_identity, to_row_major};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::Reaction;
-use gridfall_core::sim::setup::{Axis, Setup, Transfer};
+use gridfall_core::sim::setup::{Axis, Body, Setup, Transfer};
 use gridfall_core::sim::timestep::{Extremes, demands_at_rest_1_s2};
+use gridfall_core::sim::volume;
 
 /// What all particles of a body share.
 #[derive(Clone, Copy, Debug)]
@@ -29,6 +31,26 @@ pub struct BodySetup<T> {
     pub volume0: T,
     /// Demand of the material at rest, see [`gridfall_core::sim::timestep`] (1/s²).
     pub demand: T,
+    /// Cells that a particle fills at rest: V0 / dx^d.
+    pub cells: T,
+    pub relaxation: Option<Relaxation<T>>,
+}
+
+/// [`volume::Relaxation`] in the simulation's scalar.
+#[derive(Clone, Copy, Debug)]
+pub struct Relaxation<T> {
+    /// 1/s.
+    pub rate: T,
+    /// Fill that counts as full.
+    pub full: T,
+}
+
+impl<T: Real> Relaxation<T> {
+    fn of(setup: &Setup, body: &Body) -> Option<Self> {
+        let volume::Relaxation { rate_1_s, full } = volume::relaxation(setup, body)?;
+        let [rate, full] = [rate_1_s, full].map(T::from_f64);
+        Some(Self { rate, full })
+    }
 }
 
 impl<T> BodySetup<T> {
@@ -42,13 +64,12 @@ impl<T> BodySetup<T> {
 pub struct Constants<T, const D: usize> {
     pub dx: T,
     pub bodies: Vec<BodySetup<T>>,
-    /// Forces by ∇w instead of D⁻¹ (x_i − x_p) w, ∇v likewise.
-    pub gradient_form: bool,
-    /// Particles carry B.
-    pub affine: bool,
+    pub transfer: Transfer,
     pub layout: Layout,
     /// Cells per axis if periodic.
     pub period: [Option<i32>; D],
+    /// Whether P2G sums rest volumes.
+    pub mixed: bool,
 }
 
 /// 4 cells an axis that hold particles.
@@ -59,6 +80,11 @@ pub struct Block<T, const D: usize> {
     pub chunks: Vec<Chunk<T, D>>,
     /// Positions (dx, relative to the block) that are at most a cell outside the walls.
     pub inside: [[T; 2]; D],
+    /// Where the planes of sticky walls are (dx, relative to the block); beyond all positions where
+    /// there is none.
+    pub planes: [[T; 2]; D],
+    /// Where walls cut the block's nodes.
+    pub walls: Option<Box<WallRoom<T, D>>>,
 }
 
 /// A particle simulation whose stages have the names of the GPU's.
@@ -69,6 +95,8 @@ pub struct Simulation<T, const D: usize> {
     pub(super) blocks: Vec<Block<T, D>>,
     /// One tile a block, filled by P2G.
     pub(super) tiles: Vec<Node<T>>,
+    /// Rest volumes at the nodes of the tiles, over dx^d; empty unless materials differ.
+    pub(super) volumes: Vec<T>,
     pub(super) grid: Grid<T, D>,
 }
 
@@ -79,23 +107,28 @@ impl<T: Real, const D: usize> Simulation<T, D> {
             mass: T::from_f64(body.mass),
             volume0: T::from_f64(body.volume0),
             demand: T::from_f64(demand),
+            cells: T::from_f64(body.volume0 / setup.dx.powi(D as i32)),
+            relaxation: Relaxation::of(setup, body),
         });
         let interpolation = interpolation(setup.kernel);
         let periodic = |a: usize| matches!(setup.axes[a], Axis::Periodic).then_some(setup.cells[a] as i32);
         let constants = Constants {
             dx: T::from_f64(setup.dx),
             bodies: bodies.collect(),
-            gradient_form: setup.transfer != Transfer::Mls,
-            affine: setup.transfer != Transfer::Pic,
+            transfer: setup.transfer,
             layout: interpolation.layout(),
             period: std::array::from_fn(periodic),
+            mixed: false,
         };
+        let follows = constants.bodies.iter().any(|body| body.relaxation.is_some());
+        let constants = Constants { mixed: follows && volume::is_mixed(setup), ..constants };
         let mut simulation = Self {
             constants,
             setup: setup.clone(),
             interpolation,
             blocks: Vec::new(),
             tiles: Vec::new(),
+            volumes: Vec::new(),
             grid: Grid::default(),
         };
         simulation.load(particles);
@@ -126,7 +159,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         self.bin();
         let (constants, interpolation) = (&self.constants, &self.interpolation);
         self.blocks.par_iter_mut().flat_map_iter(|block| &mut block.chunks).for_each(|chunk| {
-            if constants.affine && constants.bodies[chunk.body as usize].is_fluid() {
+            if constants.transfer.is_affine() && constants.bodies[chunk.body as usize].is_fluid() {
                 let rates = interpolation.affine_rates(constants, chunk);
                 if let State::Fluid { grad_v, .. } = &mut chunk.state {
                     *grad_v = rates;
@@ -205,38 +238,50 @@ impl<T: Real, const D: usize> Simulation<T, D> {
 
     /// Particles → tiles, forces for a step of `dt_s` included.
     pub fn p2g(&mut self, dt_s: f64) {
-        self.step_blocks(dt_s, false, true);
+        self.step_blocks(0.0, dt_s, false, true);
     }
 
     /// Tiles → node velocities at the end of a step of `dt_s` that starts at `time_s`; the impulses that surfaces take.
     pub fn grid_update(&mut self, dt_s: f64, time_s: f64) -> Vec<Reaction> {
-        self.grid.update(&self.setup, &self.tiles, self.constants.layout.shift, dt_s, time_s)
+        let tiles = Tiles { nodes: &self.tiles, volumes: &self.volumes };
+        self.grid.update(&self.setup, &tiles, &self.constants.layout, dt_s, time_s)
     }
 
     /// Node velocities → particles; the last step of a frame, which resets particles that are alone.
     pub fn g2p(&mut self, dt_s: f64) -> Moves<T> {
-        self.step_blocks(dt_s, true, false)
+        self.step_blocks(dt_s, 0.0, true, false)
     }
 
-    /// [`Self::g2p`] and the next step's [`Self::p2g`] while a block's particles are in cache. If
-    /// particles strayed from their tiles, these are not usable: bin, then P2G.
-    pub fn g2p2g(&mut self, dt_s: f64) -> Moves<T> {
-        self.step_blocks(dt_s, true, true)
+    /// [`Self::g2p`] and the next step's [`Self::p2g`], with forces for `next_s`, while a block's
+    /// particles are in cache. If particles strayed from their tiles, these are not usable: bin,
+    /// then P2G.
+    pub fn g2p2g(&mut self, dt_s: f64, next_s: f64) -> Moves<T> {
+        self.step_blocks(dt_s, next_s, true, true)
     }
 
-    fn step_blocks(&mut self, dt_s: f64, g2p: bool, p2g: bool) -> Moves<T> {
+    fn step_blocks(&mut self, dt_s: f64, next_s: f64, g2p: bool, p2g: bool) -> Moves<T> {
         let (constants, interpolation, grid) = (&self.constants, &*self.interpolation, &self.grid);
-        let dt = T::from_f64(dt_s);
+        let [dt, next] = [dt_s, next_s].map(T::from_f64);
         let tile_size = constants.layout.tile(D);
-        let work: Vec<BlockWork<T, D>> = self.blocks.iter_mut().zip(self.tiles.chunks_exact_mut(tile_size)).collect();
+        let mut volumes = self.volumes.chunks_exact_mut(tile_size);
+        let tiles = self.blocks.iter_mut().zip(self.tiles.chunks_exact_mut(tile_size));
+        let work: Vec<BlockWork<T, D>> = tiles.map(|(block, tile)| (block, tile, volumes.next())).collect();
         // One thread a block; a block's particles go to its own tile.
-        let step = |velocities: &mut Vec<Node<T>>, (index, (block, tile)): (usize, BlockWork<T, D>)| {
+        let step = |gathered: &mut Gathered<T>, (index, work): (usize, BlockWork<T, D>)| {
+            let (block, tile, mut volumes) = work;
             if g2p {
-                grid.load_tile(index, velocities);
+                grid.load_tile(index, gathered);
             }
             if p2g {
                 tile.fill([T::ZERO; 4]);
+                if let Some(volumes) = &mut volumes {
+                    volumes.fill(T::ZERO);
+                }
             }
+            let velocities = &gathered.velocities;
+            let (room, filled) = (gathered.room(), gathered.filled());
+            let around = Around { walls: block.walls.as_deref(), room, filled };
+            let mut fill = fill::nothing();
             let mut moves = Moves::default();
             let mut scratch: MatrixLanes<T, D> = block.chunks[0].b;
             for chunk in &mut block.chunks {
@@ -244,8 +289,9 @@ impl<T: Real, const D: usize> Simulation<T, D> {
                 let mut flowed = None;
                 if g2p {
                     let alone = (!p2g).then(|| interpolation.isolated(constants, chunk, velocities));
-                    interpolation.gather(constants, chunk, velocities, &mut scratch);
-                    moves = moves.and(g2p::advance(constants, chunk, dt, &scratch, &block.inside));
+                    interpolation.gather(constants, chunk, velocities, &around, &mut scratch, &mut fill);
+                    moves =
+                        moves.and(g2p::advance(constants, chunk, dt, &scratch, &fill, &block.inside, &block.planes));
                     if body.law.is_principal() {
                         flowed = Some(flow::flow(&body.law, chunk, &mut scratch));
                     }
@@ -257,14 +303,17 @@ impl<T: Real, const D: usize> Simulation<T, D> {
                 if p2g && !(moves.strayed || moves.diverged) {
                     let stiffening = flowed.unwrap_or_else(|| p2g::stress(&body.law, chunk, &mut scratch));
                     moves.demand = moves.demand.max(body.demand * stiffening);
-                    interpolation.scatter(constants, chunk, dt, &scratch, tile);
+                    interpolation.scatter(constants, chunk, next, &scratch, tile);
+                    if let Some(volumes) = &mut volumes {
+                        interpolation.scatter_volume(constants, chunk, volumes);
+                    }
                 }
             }
             moves
         };
-        let velocities = || vec![[T::ZERO; 4]; tile_size];
-        work.into_par_iter().enumerate().map_init(velocities, step).reduce(Moves::default, Moves::and)
+        work.into_par_iter().enumerate().map_init(|| Gathered::new(tile_size), step).reduce(Moves::default, Moves::and)
     }
 }
 
-type BlockWork<'a, T, const D: usize> = (&'a mut Block<T, D>, &'a mut [Node<T>]);
+/// A block, its tile, and the rest volumes at the tile's nodes.
+type BlockWork<'a, T, const D: usize> = (&'a mut Block<T, D>, &'a mut [Node<T>], Option<&'a mut [T]>);

@@ -47,8 +47,8 @@ pub trait Stages: Send {
     fn grid_update(&mut self, dt_s: f64, time_s: f64) -> Vec<Reaction>;
     /// Moves particles; as the last step of a frame, resets those that are alone on their nodes.
     fn g2p(&mut self, dt_s: f64) -> Moved;
-    /// `g2p`, then `p2g` for a next step of the same length, unless particles strayed.
-    fn g2p2g(&mut self, dt_s: f64) -> Moved;
+    /// `g2p`, then `p2g` with forces for `next_s`, unless particles strayed.
+    fn g2p2g(&mut self, dt_s: f64, next_s: f64) -> Moved;
     /// Particles that there are.
     fn count(&self) -> usize;
     /// Full states of some particles, in sampling order.
@@ -82,8 +82,8 @@ impl<T: Real, const D: usize> Stages for Simulation<T, D> {
     fn g2p(&mut self, dt_s: f64) -> Moved {
         Simulation::g2p(self, dt_s).into()
     }
-    fn g2p2g(&mut self, dt_s: f64) -> Moved {
-        Simulation::g2p2g(self, dt_s).into()
+    fn g2p2g(&mut self, dt_s: f64, next_s: f64) -> Moved {
+        Simulation::g2p2g(self, dt_s, next_s).into()
     }
     fn count(&self) -> usize {
         Simulation::count(self)

@@ -80,6 +80,14 @@ impl<const D: usize> Tables<D> {
         &self.entries[self.first[node] as usize..self.first[node + 1] as usize]
     }
 
+    /// Slot of a node, if a tile reaches it.
+    pub fn slot(&self, grid: usize, node: [i32; D]) -> Option<usize> {
+        let block = pack(node.map(|i| i.div_euclid(BLOCK)));
+        let found = self.blocks.binary_search_by_key(&block, |&block| pack(block)).ok()?;
+        let local = node.iter().fold(grid, |at, i| at * BLOCK as usize + i.rem_euclid(BLOCK) as usize);
+        Some(found * self.block_nodes() + local)
+    }
+
     /// Grid and index of a block's local node.
     pub fn node(corner: &[i32; D], local: usize) -> (usize, [i32; D]) {
         let side = BLOCK as usize;

@@ -39,6 +39,8 @@ pub struct Layout {
     pub width: usize,
     /// Index of the lowest node of a tile on each grid, relative to the block's node 0.
     pub lowest: [i32; 2],
+    /// [`ShapeFunction::inside`].
+    pub inside: fn(f64) -> f64,
 }
 
 impl Layout {
@@ -51,6 +53,7 @@ impl Layout {
             cell: K::CELL,
             width: width(G, W),
             lowest: [lowest[first], lowest[last]],
+            inside: K::inside,
         }
     }
 

@@ -36,7 +36,7 @@ pub struct Bookkeeping {
     pub list: Vec<u32>,
     /// Offset in the block (cells, f32 bits), and id.
     pub positions: Vec<[u32; 4]>,
-    /// By slot, grid, channel (mass and momentum) and node.
+    /// By slot, grid, channel (see `wgsl/explicit/layout.wgsl`) and node.
     pub grid: Vec<i32>,
 }
 

@@ -53,10 +53,43 @@ pub struct GpuEngine {
     chunk: usize,
 }
 
+/// A run of equal steps.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Course {
+    pub dt_s: f64,
+    pub steps: u64,
+    /// Time over which forces act before the first motion.
+    pub first_kick_s: f64,
+    /// Whether half a step's forces follow the last motion ([`Setup::is_staggered`]).
+    pub staggered: bool,
+}
+
+impl Course {
+    /// Steps of forces and motion, one after the other.
+    pub fn even(dt_s: f64, steps: u64) -> Self {
+        Self { dt_s, steps, first_kick_s: dt_s, staggered: false }
+    }
+
+    /// As frames have them. `ahead_s`: time by which velocities are ahead of positions at the start.
+    pub fn of(setup: &Setup, dt_s: f64, steps: u64, ahead_s: f64) -> Self {
+        match setup.is_staggered() {
+            false => Self::even(dt_s, steps),
+            true => Self { dt_s, steps, first_kick_s: 0.5 * dt_s - ahead_s, staggered: true },
+        }
+    }
+
+    /// Passes over the grid: one a step, and one for the last forces.
+    pub fn passes(&self) -> u64 {
+        self.steps + u64::from(self.staggered)
+    }
+}
+
 /// How a run of equal steps ended.
 struct Segment {
     /// Steps done.
     steps: u64,
+    /// Time by which velocities are ahead of positions.
+    ahead_s: f64,
     halt: u32,
     /// Impulses that surfaces took.
     impulses: Vec<Reaction>,
@@ -144,7 +177,8 @@ impl GpuEngine {
         self.isolated += u64::from(report.isolated);
     }
 
-    fn set_scales(&mut self, dt_s: f64) {
+    fn set_course(&mut self, course: &Course) {
+        let dt_s = course.dt_s;
         let p = &self.setup;
         let densest = p.bodies.iter().map(|b| b.mass / b.volume0).fold(0.0, f64::max);
         let full = densest * p.dx.powi(3);
@@ -158,7 +192,16 @@ impl GpuEngine {
         let power_of_two = |x: f64| x.log2().floor().exp2() as f32;
         self.params.mass_scale = power_of_two(FULL_NODE / (full * self.mass_range));
         self.params.momentum_scale = power_of_two(FULL_NODE / (full * speed));
+        self.params.cell_scale = match self.params.fills {
+            layout::FILLS_VOLUME => power_of_two(FULL_NODE / self.mass_range),
+            // All have one density.
+            _ => (f64::from(self.params.mass_scale) * full) as f32,
+        };
         self.params.dt = dt_s as f32;
+        self.params.first_kick = course.first_kick_s as f32;
+        self.params.last_kick = if course.staggered { 0.5 * dt_s } else { dt_s } as f32;
+        self.params.last_step = (course.passes() - 1) as u32;
+        self.params.end_dt = if course.staggered { 0.0 } else { dt_s } as f32;
         self.params.soft_shift = p.cfl as f32;
         self.params.soft_growth = timestep::MAX_GROWTH as f32;
         self.params.soft_demand = (timestep::REPLAN_DEMAND / (dt_s * dt_s)) as f32;
@@ -209,8 +252,8 @@ impl GpuEngine {
     }
 
     /// Full states → grid on side 0.
-    pub(super) fn start(&mut self, dt_s: f64) {
-        self.set_scales(dt_s);
+    pub(super) fn start(&mut self, course: &Course) {
+        self.set_course(course);
         self.params.first_step = 0;
         self.write_params();
         self.write_report(&Report::frame_start());
@@ -221,12 +264,13 @@ impl GpuEngine {
         self.submit(self.stages.frame_start.iter());
     }
 
-    /// Runs `total` equal steps or fewer, until the device has a reason to stop.
-    fn run_segment(&mut self, dt_s: f64, total: u64, control: &dyn Control) -> Result<Segment, EngineError> {
-        self.start(dt_s);
+    /// Runs the steps of a course or fewer, until the device has a reason to stop.
+    fn run_segment(&mut self, course: &Course, control: &dyn Control) -> Result<Segment, EngineError> {
+        let Course { dt_s, steps, staggered, .. } = *course;
+        self.start(course);
         let mut done = 0;
         loop {
-            self.run_steps(done, dt_s, total, control)?;
+            self.run_passes(done, course, control)?;
             let report = self.read_report()?;
             // The start's own commit counts up from -1 to 0.
             let started = report.step != u32::MAX;
@@ -239,13 +283,14 @@ impl GpuEngine {
                 if started {
                     self.write_report(&Report { halt: report.halt & !layout::HALT_BLOCKS, ..report });
                 } else {
-                    self.start(dt_s);
+                    self.start(course);
                 }
                 continue;
             }
             if report.finished == 0 {
-                // A guard asked for another plan: the step at hand is complete on the grid, so
-                // bring it home as it is.
+                // A guard asked for another plan: the pass at hand is complete on the grid, so
+                // bring it home as it is. If frames are staggered, forces have then acted for a
+                // whole step where half of one was due, unless it was the last pass anyway.
                 self.write_report(&Report { halt: 0, ..report });
                 self.write_poses(done, 1, dt_s);
                 self.submit(self.stages.frame_end[(done % 2) as usize].iter());
@@ -254,10 +299,12 @@ impl GpuEngine {
                     return Err(self.failure(&end, dt_s));
                 }
                 self.arrive(&end);
-                return Ok(Segment { steps: done + 1, halt: report.halt, impulses: self.impulses()? });
+                let ahead_s = if staggered && done < steps { 0.5 * dt_s } else { 0.0 };
+                let steps = done + u64::from(!staggered);
+                return Ok(Segment { steps, ahead_s, halt: report.halt, impulses: self.impulses()? });
             }
             self.arrive(&report);
-            return Ok(Segment { steps: total, halt: 0, impulses: self.impulses()? });
+            return Ok(Segment { steps, ahead_s: 0.0, halt: 0, impulses: self.impulses()? });
         }
     }
 
@@ -265,9 +312,10 @@ impl GpuEngine {
         readback::reactions(&self.gpu, &self.buffers, &self.params)
     }
 
-    /// Submits steps `done..total`, at most two chunks ahead of the device, and nothing is read
-    /// back.
-    fn run_steps(&mut self, done: u64, dt_s: f64, total: u64, control: &dyn Control) -> Result<(), EngineError> {
+    /// Submits the passes of a course from `done` on, at most two chunks ahead of the device, and
+    /// nothing is read back.
+    fn run_passes(&mut self, done: u64, course: &Course, control: &dyn Control) -> Result<(), EngineError> {
+        let (dt_s, total) = (course.dt_s, course.passes());
         let mut in_flight: VecDeque<(wgpu::SubmissionIndex, usize)> = VecDeque::new();
         let mut next = done;
         let mut completed = done;
@@ -289,13 +337,14 @@ impl GpuEngine {
                 finished = Instant::now();
                 self.chunk = ((CHUNK_SECONDS / per_step) as usize).clamp(1, 2 * self.chunk).min(CHUNK_STEPS);
                 completed += count as u64;
-                control.progress(self.steps + completed, self.time_s + completed as f64 * dt_s);
+                let moved = completed.min(course.steps);
+                control.progress(self.steps + moved, self.time_s + moved as f64 * dt_s);
             }
         }
         Ok(())
     }
 
-    /// The dispatches of step `k` of `total`.
+    /// The dispatches of pass `k` of `total`.
     pub(super) fn stages_of(&self, k: u64, total: u64) -> impl Iterator<Item = &Dispatch<Extent>> {
         let lists = if k + 1 == total { &self.stages.frame_end } else { &self.stages.step };
         lists[(k % 2) as usize].iter()
@@ -330,6 +379,7 @@ impl Engine for GpuEngine {
         let mut steps = 0;
         let mut done_s = 0.0;
         let mut longest_s = f64::INFINITY;
+        let mut ahead_s = 0.0;
         self.isolated = 0;
         let start_s = self.time_s;
         let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.setup)];
@@ -337,7 +387,9 @@ impl Engine for GpuEngine {
             // The bound on node speeds has the affine part in it.
             let extremes = Extremes { speed_m_s: self.max_speed, affine_rate_1_s: 0.0, demand_1_s2: self.max_demand };
             let plan = timestep::plan_frame(&self.setup, &extremes, frame_s - done_s).no_longer_than(longest_s);
-            let segment = self.run_segment(plan.dt_s, plan.steps, control)?;
+            let course = Course::of(&self.setup, plan.dt_s, plan.steps, ahead_s);
+            let segment = self.run_segment(&course, control)?;
+            ahead_s = segment.ahead_s;
             let too_long = segment.halt & layout::HALT_REPLAN != 0;
             longest_s = if too_long { timestep::SHRINK * plan.dt_s } else { plan.dt_s };
             steps += segment.steps;

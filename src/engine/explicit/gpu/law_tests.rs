@@ -14,7 +14,7 @@ use crate::gpu::{Gpu, Shader, Variant};
 use gridfall_core::material::{Law, initial_plastic_state, samples};
 use gridfall_core::maths::linalg::{Matrix, det, identity, mul, mul_transpose};
 use gridfall_core::maths::svd::svd;
-use gridfall_core::sim::setup::{Kernel, Material};
+use gridfall_core::sim::setup::{Kernel, Material, Transfer};
 
 /// One thread a state: return map, stress, and the SVD of the state as it came.
 const ENTRY: &str = "// uses explicit/state_io
@@ -115,7 +115,7 @@ pub(super) fn run(gpu: &Gpu, materials: &[Material], states: &[State], text: &st
     memory.write(gpu, "body_of", 0, &body_of);
     memory.write(gpu, "deformation_in", 0, &deformation);
 
-    let variant = Variant { kernel: Kernel::Compact, mls: true, principal: true };
+    let variant = Variant { kernel: Kernel::Compact, transfer: Transfer::Mls, principal: true };
     let shader = Shader::of_text("laws", text, variant, gpu.workgroup).unwrap_or_else(|e| panic!("{e}"));
     let dispatch = Dispatch::of(gpu, gpu.program("laws", shader), (), &Scope::of(&memory));
     gpu.pass(|pass| dispatch.record(pass, Workgroups::Folded(n.div_ceil(64))));

@@ -5,8 +5,8 @@ use bytemuck::{Pod, Zeroable};
 
 /// Nodes of one grid in a block.
 pub const BLOCK_NODES: usize = 64;
-/// Values a node: mass and momentum.
-pub const NODE_CHANNELS: usize = 4;
+/// Values a node: mass, momentum, and what fills it.
+pub const NODE_CHANNELS: usize = 5;
 /// v and B of a particle.
 pub const VELOCITY_CHANNELS: usize = 12;
 /// Blocks of room around a domain with walls: particles may stand a little beyond a wall, and
@@ -25,6 +25,11 @@ pub const HALT_REPLAN: u32 = 2;
 pub const HALT_ERROR: u32 = 4;
 pub const HALT_MASS: u32 = 8;
 pub const HALT_MOMENTUM: u32 = 16;
+
+/// How a node's share of filled cells is known: nobody asks, by its mass, by the rest volumes.
+pub const FILLS_NOTHING: u32 = 0;
+pub const FILLS_MASS: u32 = 1;
+pub const FILLS_VOLUME: u32 = 2;
 
 pub const ERROR_NAN: u32 = 1;
 pub const ERROR_CFL: u32 = 2;
@@ -67,7 +72,15 @@ pub struct Params {
     pub soft_demand: f32,
     pub soft_growth: f32,
     pub live: u32,
+    pub fills: u32,
+    pub cell_scale: f32,
+    pub first_kick: f32,
+    pub last_kick: f32,
+    pub last_step: u32,
+    pub end_dt: f32,
+    pub spare0: u32,
     pub spare1: u32,
+    pub spare2: u32,
     pub walls: [[f32; 4]; 6],
 }
 
@@ -105,6 +118,10 @@ pub struct Body {
     pub volume: f32,
     pub material: u32,
     pub demand: f32,
+    pub rate: f32,
+    pub full: f32,
+    pub spare0: u32,
+    pub spare1: u32,
 }
 
 #[repr(C)]

@@ -38,7 +38,7 @@ pub fn supports(setup: &Setup) -> Result<(), String> {
         return Err("the GPU engine has the compact and the quadratic kernel".into());
     }
     if setup.transfer == Transfer::Pic {
-        return Err("the GPU engine has the transfers apic and mls".into());
+        return Err("the GPU engine has the transfers apic, mls and mls-published".into());
     }
     if setup.precision != Precision::F32 {
         return Err("the GPU engine is f32 only".into());

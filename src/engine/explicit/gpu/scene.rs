@@ -9,6 +9,7 @@ use gridfall_core::sim::collider::{Collider, Primitive, SdfOp};
 use gridfall_core::sim::reaction::WALLS;
 use gridfall_core::sim::setup::{Body, Contact, ContactKind, Material, Setup};
 use gridfall_core::sim::timestep::demands_at_rest_1_s2;
+use gridfall_core::sim::volume;
 
 /// What of a scene stays the same in every step, by the names of its buffers. Signed distance
 /// programs and the samples of their fields are in coordinates relative to `domain.min`.
@@ -23,11 +24,17 @@ pub struct SceneData {
 
 impl SceneData {
     pub fn new(setup: &Setup) -> Self {
-        let body = |(b, demand): (&Body, f64)| layout::Body {
-            mass: b.mass as f32,
-            volume: b.volume0 as f32,
-            material: b.material as u32,
-            demand: demand as f32,
+        let body = |(b, demand): (&Body, f64)| {
+            let follows = volume::relaxation(setup, b);
+            layout::Body {
+                mass: b.mass as f32,
+                volume: b.volume0 as f32,
+                material: b.material as u32,
+                demand: demand as f32,
+                rate: follows.map_or(0.0, |r| r.rate_1_s as f32),
+                full: follows.map_or(1.0, |r| r.full as f32),
+                ..layout::Body::default()
+            }
         };
         let mut data = Self {
             bodies: setup.bodies.iter().zip(demands_at_rest_1_s2(setup)).map(body).collect(),
@@ -158,14 +165,15 @@ pub fn pose(collider: &Collider, origin: [f64; 3], time_s: f64) -> layout::Pose 
         std::array::from_fn(|i| t[i] - origin[i] + (0..3).map(|a| r[3 * i + a] * origin[a]).sum::<f64>());
     let row = |i: usize| [r[i] as f32, r[3 + i] as f32, r[6 + i] as f32, shifted[i] as f32];
     let center = std::array::from_fn::<f64, 3, _>(|a| now.center[a] - origin[a]);
+    let present = collider.is_present(time_s);
     let with = |v: [f64; 3], w: f32| [v[0] as f32, v[1] as f32, v[2] as f32, w];
     layout::Pose {
         r0: row(0),
         r1: row(1),
         r2: row(2),
-        linear: with(now.linear_velocity, if collider.is_present(time_s) { 1.0 } else { 0.0 }),
+        linear: with(now.linear_velocity, if present { 1.0 } else { 0.0 }),
         angular: with(now.angular_velocity, 0.0),
-        center: with(center, 0.0),
+        center: with(center, if present && !collider.grip { 1.0 } else { 0.0 }),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Steps taken stage by stage.
 
 use super::bookkeeping::{self, Bookkeeping};
-use super::engine::GpuEngine;
+use super::engine::{Course, GpuEngine};
 use super::layout;
 use super::readback::{self, GridNode};
 use crate::contract::{Engine, EngineError};
@@ -21,7 +21,8 @@ pub struct Staged<'a> {
 impl<'a> Staged<'a> {
     /// Transfers the particles to the grid; the nodes carry momentum.
     pub fn p2g(engine: &'a mut GpuEngine, dt_s: f64) -> Result<(Self, Vec<GridNode>), EngineError> {
-        engine.start(dt_s);
+        // Forces and motions of whole steps.
+        engine.start(&Course::even(dt_s, u64::from(u32::MAX)));
         let staged = Self { engine, dt_s, steps: 0 };
         let nodes = staged.nodes(false)?;
         Ok((staged, nodes))

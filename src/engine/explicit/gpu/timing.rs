@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use super::engine::GpuEngine;
+use super::engine::{Course, GpuEngine};
 use super::stages::STEP;
 use crate::contract::EngineError;
 use crate::gpu::Gpu;
@@ -32,9 +32,11 @@ impl GpuEngine {
             return Ok(None);
         }
         let steps = steps.clamp(1, MAX_STEPS);
-        self.start(dt_s);
-        self.write_poses(0, steps as usize, dt_s);
-        let dispatches: Vec<_> = (0..steps).flat_map(|k| self.stages_of(k, steps)).collect();
+        let course = Course::of(&self.setup, dt_s, steps, 0.0);
+        let passes = course.passes();
+        self.start(&course);
+        self.write_poses(0, passes as usize, dt_s);
+        let dispatches: Vec<_> = (0..passes).flat_map(|k| self.stages_of(k, passes)).collect();
         let queries = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
             label: Some("stages"),
             ty: wgpu::QueryType::Timestamp,

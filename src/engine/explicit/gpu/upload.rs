@@ -1,11 +1,12 @@
 //! Coordinates and particle states as device data.
 
-use super::layout::{PAD_BLOCKS, Params};
+use super::layout::{self, PAD_BLOCKS, Params};
 use super::scene::contact_code;
 use crate::contract::EngineError;
 use gridfall_core::maths::linalg::{det, from_row_major};
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::{Axis, Kernel, Material, Setup};
+use gridfall_core::sim::volume;
 
 /// Cells by which a kernel's base node is shifted: y = x/dx - shift has floor(y) as its first node
 /// (`SHIFT` in the shaders).
@@ -16,6 +17,16 @@ pub fn shift(kernel: Kernel) -> f64 {
 /// Sign s of each grid, whose nodes lie at (i + s/4) dx.
 pub fn grid_offsets(kernel: Kernel) -> &'static [i32] {
     if kernel == Kernel::Quadratic { &[0] } else { &[1, -1] }
+}
+
+/// How nodes know what fills them.
+fn fills(setup: &Setup) -> u32 {
+    let follows = setup.bodies.iter().any(|body| volume::relaxation(setup, body).is_some());
+    match (follows, volume::is_mixed(setup)) {
+        (false, _) => layout::FILLS_NOTHING,
+        (true, false) => layout::FILLS_MASS,
+        (true, true) => layout::FILLS_VOLUME,
+    }
 }
 
 /// Everything about the device's coordinates and state layout that does not change during a run.
@@ -201,6 +212,7 @@ impl DeviceLayout {
             pad: self.pad.map(|p| p as i32),
             periodic: self.periodic.map(u32::from),
             colliders: setup.colliders.len() as u32,
+            fills: fills(setup),
             walls: std::array::from_fn(|w| match setup.axes[w / 2] {
                 Axis::Periodic => [0.0; 4],
                 Axis::Walls(walls) => [contact_code(walls[w % 2]) as f32, walls[w % 2].friction as f32, 0.0, 0.0],

@@ -1,12 +1,13 @@
 //! A particle's nodes, weights and the vectors g that make the velocity gradient: ∇v = share Σ_i
 //! v_i g_iᵀ.
 //!
-//! In the gradient form g = ∂w/∂x; in MLS g = w D⁻¹ (x_i − x_p). `share` is ½ for the compact
+//! In the gradient form g = ∂w/∂x; in MLS g = w diag(p)⁻¹ (x_i − x_p − x̄_s), with x̄_s the mean of
+//! grid s, and as published g = w D⁻¹ (x_i − x_p). `share` is ½ for the compact
 //! kernel's two grids, which both carry the full mass, else 1. All of a step's interpolation is
 //! tabulated once, because a solver uses it dozens of times.
 
 use gridfall_core::maths::linalg::{Matrix, Vector, apply, identity};
-use gridfall_core::sim::kernel::{Compact, Cubic, Linear, Quadratic, ShapeFunction};
+use gridfall_core::sim::kernel::{Compact, Cubic, Linear, Quadratic, ShapeFunction, times_inverse_diagonal};
 use gridfall_core::sim::setup::{Kernel, Transfer};
 
 /// The numbers that describe a kernel.
@@ -32,13 +33,13 @@ pub struct Stencil<const D: usize> {
 
 /// Writes weights and g vectors (1/m) of a particle at `x` (in units of `dx`) for all nodes, grid
 /// by grid, the last axis fastest.
-type Tabulate<const D: usize> = fn(&Vector<f64, D>, f64, bool, &mut [f64], &mut [Vector<f64, D>]) -> Stencil<D>;
+type Tabulate<const D: usize> = fn(&Vector<f64, D>, f64, Transfer, &mut [f64], &mut [Vector<f64, D>]) -> Stencil<D>;
 
 /// A kernel with its form of the gradient.
 #[derive(Clone, Copy)]
 pub struct Interpolation<const D: usize> {
     pub shape: Shape,
-    mls: bool,
+    transfer: Transfer,
     tabulate: Tabulate<D>,
 }
 
@@ -50,7 +51,7 @@ impl<const D: usize> Interpolation<D> {
             Kernel::Cubic => (shape::<Cubic, 1, 4>(), tabulate::<Cubic, D, 1, 4>),
             Kernel::Linear => (shape::<Linear, 1, 2>(), tabulate::<Linear, D, 1, 2>),
         };
-        Self { shape, mls: transfer == Transfer::Mls, tabulate }
+        Self { shape, transfer, tabulate }
     }
 
     /// Nodes of a particle.
@@ -61,7 +62,7 @@ impl<const D: usize> Interpolation<D> {
     /// Weights and g vectors (1/m) of a particle at `x` (in units of dx, m) for its
     /// [`Self::nodes`].
     pub fn at(&self, x: &Vector<f64, D>, dx: f64, w: &mut [f64], g: &mut [Vector<f64, D>]) -> Stencil<D> {
-        (self.tabulate)(x, dx, self.mls, w, g)
+        (self.tabulate)(x, dx, self.transfer, w, g)
     }
 
     /// Index of the `local`-th node of a particle relative to its lowest, and its grid.
@@ -83,13 +84,14 @@ fn shape<K: ShapeFunction<G, W>, const G: usize, const W: usize>() -> Shape {
 fn tabulate<K: ShapeFunction<G, W>, const D: usize, const G: usize, const W: usize>(
     x: &Vector<f64, D>,
     dx: f64,
-    mls: bool,
+    transfer: Transfer,
     w: &mut [f64],
     g: &mut [Vector<f64, D>],
 ) -> Stencil<D> {
     let axes = x.map(|x| K::axis(x));
     let (spread, skew) = (axes.map(|a| a.spread), axes.map(|a| a.skew));
     let inverse_moment = K::times_inverse_moment(&identity::<f64, D>(), &spread, &skew);
+    let inverse_spread = times_inverse_diagonal(&identity::<f64, D>(), &spread);
     let mut base = [[0; D]; 2];
     let per_grid = W.pow(D as u32);
     for grid in 0..G {
@@ -104,8 +106,12 @@ fn tabulate<K: ShapeFunction<G, W>, const D: usize, const G: usize, const W: usi
             }
             let slot = grid * per_grid + local;
             w[slot] = weight;
-            g[slot] = if mls {
-                let offset = std::array::from_fn(|a| axes[a].offset[grid] + at[a] as f64);
+            let offset: Vector<f64, D> = std::array::from_fn(|a| axes[a].offset[grid] + at[a] as f64);
+            g[slot] = if transfer.is_centred() {
+                let mean = |a: usize| if grid == 0 { skew[a] } else { -skew[a] };
+                let arm: Vector<f64, D> = std::array::from_fn(|a| offset[a] - mean(a));
+                apply(&inverse_spread, &arm).map(|c| weight * c / dx)
+            } else if transfer.is_mls() {
                 apply(&inverse_moment, &offset).map(|c| weight * c / dx)
             } else {
                 std::array::from_fn(|a| {
@@ -128,7 +134,7 @@ mod tests {
         let dx = 0.3;
         let (v0, c) = ([1.0, -2.0, 0.5], [[0.1, 0.4, -0.3], [0.0, 0.7, 0.2], [-0.6, 0.3, 0.9]]);
         for kernel in [Kernel::Compact, Kernel::Quadratic, Kernel::Cubic, Kernel::Linear] {
-            for transfer in [Transfer::Apic, Transfer::Mls] {
+            for transfer in [Transfer::Apic, Transfer::Mls, Transfer::MlsPublished] {
                 let interpolation = Interpolation::<3>::new(kernel, transfer);
                 let n = interpolation.nodes();
                 for x in [[3.1, 4.63, 5.97], [3.26, 4.74, 5.2501], [7.99, 4.24, 5.76]] {

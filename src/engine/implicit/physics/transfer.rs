@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::state::{BodySetup, State};
 use super::topology::Topology;
 use gridfall_core::maths::linalg::{Matrix, Vector, add_scaled, apply, identity, mul};
-use gridfall_core::sim::setup::{Axis, Setup, Transfer};
+use gridfall_core::sim::setup::{Axis, Setup};
 
 /// A node before the step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,7 +83,7 @@ pub fn grid_to_particles<const D: usize>(
     dt: f64,
 ) -> (State<D>, Moves) {
     let share = topology.interpolation.shape.share;
-    let affine = setup.transfer != Transfer::Pic;
+    let affine = setup.transfer.is_affine();
     let advance = |p: usize| {
         let (w, g) = topology.stencil(p);
         let nodes = topology.nodes_of(topology.group_of[p] as usize);

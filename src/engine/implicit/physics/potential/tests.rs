@@ -102,8 +102,13 @@ fn every_case(check: impl Fn(Problem, &str, &mut StdRng)) {
     println!("seed {SEED}");
     let mut random = StdRng::seed_from_u64(SEED);
     for dimension in [2, 3] {
-        for (kernel, transfer) in [("quadratic", "apic"), ("quadratic", "mls"), ("compact", "apic"), ("compact", "mls")]
-        {
+        for (kernel, transfer) in [
+            ("quadratic", "apic"),
+            ("quadratic", "mls"),
+            ("compact", "apic"),
+            ("compact", "mls"),
+            ("compact", "mls-published"),
+        ] {
             let what = format!("{dimension}D {kernel} {transfer}");
             check(problem(dimension, kernel, transfer, &mut random), &what, &mut random);
         }

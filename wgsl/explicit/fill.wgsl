@@ -1,0 +1,81 @@
+// How full the room around a particle is: Σ w V_i of what is there over Σ w V_i of what may be
+// there, and how the volume of fluids and loose grains follows it. Twins:
+// src/engine/explicit/cpu/fill.rs, src/core/sim/volume.rs.
+//
+// uses explicit/tile, explicit/share, shared/state
+
+/// Excess over full at which the rate is twice that of a body.
+const CROWD: f32 = 0.2;
+/// Fill, over that which counts as full, beyond which more does not count.
+const FULLEST: f32 = 1.25;
+
+/// Shares inside walls of the room of a node, by axis; `x`: its place (cells from the domain's
+/// corner).
+fn inside_walls(x: vec3<f32>) -> vec3<f32> {
+    let share = max(inside(x) + inside(params.cells - x) - 1.0, vec3<f32>(0.0));
+    return select(share, vec3<f32>(1.0), params.periodic == vec3<u32>(1u));
+}
+
+/// The fill of a particle in the block whose corner is at `corner` (cells).
+fn fill_around(corner: vec3<f32>, y: vec3<f32>) -> f32 {
+    let s = stencil(y);
+    let x = corner + y + SHIFT;
+    // Beyond, nodes of the particle have all their room.
+    let close = (x < vec3<f32>(ROOM_REACH)) | (x > params.cells - ROOM_REACH);
+    let near = any(close & (params.periodic == vec3<u32>(0u)));
+    var filled = 0.0;
+    var room = 0.0;
+    for (var grid = 0u; grid < GRIDS; grid++) {
+        var free = s.w[grid];
+        if (near) {
+            for (var i = 0u; i < NODES; i++) {
+                let node = corner + vec3<f32>(s.base[grid] + vec3<i32>(i32(i))) + node_offset(grid);
+                free[i] *= inside_walls(node);
+            }
+        }
+        for (var k = 0u; k < NODES; k++) {
+            for (var j = 0u; j < NODES; j++) {
+                for (var i = 0u; i < NODES; i++) {
+                    let n = s.base[grid] + vec3<i32>(vec3<u32>(i, j, k));
+                    let node = unpacked(fill_tile[read_place(grid, n)]);
+                    filled += s.w[grid][i].x * s.w[grid][j].y * s.w[grid][k].z * node.filled;
+                    room += free[i].x * free[j].y * free[k].z * node.room;
+                }
+            }
+        }
+    }
+    // A particle behind a surface counts as one on it: half of its room on every axis.
+    return GRID_SHARE * filled / max(GRID_SHARE * room, 0.125);
+}
+
+/// The state a little towards that of which the fill tells: J of a fluid, the volumetric strain of
+/// grains with what they have gained apart.
+fn relaxed(state: Deformation, model: u32, body: Body, dt: f32, fill: f32) -> Deformation {
+    var next = state;
+    let over = max(fill / body.full, 1.0);
+    let crowd = (over - 1.0) / CROWD;
+    let share = min(body.rate * dt * (1.0 + crowd * crowd), 1.0);
+    let goal = 1.0 / min(over, FULLEST);
+    if (model == FLUID) {
+        next.J += share * (goal - state.J);
+    } else if (fill > body.full) {
+        let volume = determinant(state.F) * exp(state.q);
+        if (volume > goal) {
+            next.F = state.F * pow(1.0 + share * (goal / volume - 1.0), 1.0 / 3.0);
+        }
+    }
+    return next;
+}
+
+/// Cells that a particle fills in the sums of rest volumes, if there are any. What a solid has lost of its volume is
+/// room for others.
+fn filled_cells(state: Deformation, model: u32, body: Body) -> f32 {
+    if (params.fills != FILLS_VOLUME) {
+        return 0.0;
+    }
+    var kept = 1.0;
+    if (model != FLUID && body.rate == 0.0) {
+        kept = clamp(determinant(state.F), 0.0, 1.0);
+    }
+    return kept * body.volume / (params.dx * params.dx * params.dx);
+}
