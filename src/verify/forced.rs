@@ -40,7 +40,7 @@ impl Forced {
         if self.watched {
             self.nodes = self.stages.nodes();
         }
-        let moved = self.stages.g2p2g(self.dt_s);
+        let moved = self.stages.g2p2g(self.dt_s, self.dt_s);
         self.time_s += self.dt_s;
         if moved.diverged || moved.outside || !moved.max_speed_m_s.is_finite() {
             return f64::INFINITY;

@@ -17,9 +17,11 @@ mod session;
 mod setup;
 mod single_particle;
 mod sliding_block;
+mod sticky_walls;
 mod stiffness_sweep;
 mod still_water;
 mod von_neumann;
+mod water_level;
 
 pub use report::{Curve, Row, Rule, curve_csv, number};
 pub use session::{Extent, Session, Target};
@@ -50,8 +52,11 @@ pub const CASES: &[Case] = &[
     moduli::FREE_BAR,
     moduli::CANTILEVER,
     still_water::STILL_WATER,
+    sticky_walls::POISEUILLE,
+    sticky_walls::SHEARED_LAYER,
     earth_pressure::EARTH_PRESSURE,
     granular::ANGLE_OF_REPOSE,
+    water_level::WATER_LEVEL,
     granular::GRANULAR_COLUMN,
     von_neumann::VON_NEUMANN,
     single_particle::SINGLE_PARTICLE,

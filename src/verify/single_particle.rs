@@ -36,7 +36,10 @@ fn single_particle(session: &mut Session) -> Result<(), EngineError> {
         super::Extent::Quick => {
             vec![Scheme::new(2, Kernel::Quadratic, Transfer::Apic), Scheme::new(2, Kernel::Compact, Transfer::Mls)]
         }
-        super::Extent::Full => session.schemes(&[2, 3]),
+        super::Extent::Full => {
+            let published = [2, 3].map(|d| Scheme::new(d, Kernel::Compact, Transfer::MlsPublished));
+            session.schemes(&[2, 3]).into_iter().chain(published).collect()
+        }
     };
     for scheme in schemes {
         // The splines' bound is sharp for every material, the compact kernel's for the worst one.

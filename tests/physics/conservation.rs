@@ -9,13 +9,16 @@ use gridfall_engine::{Engine, NoControl};
 use gridfall_scene::schema::{Kernel, Precision, Transfer};
 
 const KERNELS: [Kernel; 4] = [Kernel::Compact, Kernel::Quadratic, Kernel::Cubic, Kernel::Linear];
-const TRANSFERS: [Transfer; 3] = [Transfer::Pic, Transfer::Apic, Transfer::Mls];
+const TRANSFERS: [Transfer; 4] = [Transfer::Pic, Transfer::Apic, Transfer::Mls, Transfer::MlsPublished];
 const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
 
 fn all_combinations() -> impl Iterator<Item = (usize, Kernel, Transfer, Precision)> {
     [2, 3].into_iter().flat_map(|d| {
         KERNELS.into_iter().flat_map(move |k| {
-            TRANSFERS.into_iter().flat_map(move |t| PRECISIONS.into_iter().map(move |p| (d, k, t, p)))
+            // Single grids know no published form of MLS.
+            let known = move |t: &Transfer| k == Kernel::Compact || *t != Transfer::MlsPublished;
+            let transfers = TRANSFERS.into_iter().filter(known);
+            transfers.flat_map(move |t| PRECISIONS.into_iter().map(move |p| (d, k, t, p)))
         })
     })
 }
@@ -96,10 +99,9 @@ fn free_fall_and_rigid_translation_are_exact_to_rounding() {
         // Beside a node, a stiff particle of the linear kernel is unstable at every step.
         let stiffness = if kernel == Kernel::Linear { 1e-6 } else { 1e5 };
         fill(&mut problem, elastic(stiffness, 0.3, 1000.0), 2, in_ball([0.4, 0.5, middle], 0.12), uniform(v));
-        let (after, steps) = run(&problem, 6);
-        let (t, dt) = (6.0 * problem.setup.frame_s, 6.0 * problem.setup.frame_s / steps as f64);
-        // Symplectic Euler: v afterwards, then x with the new v.
-        let fall = -9.81 * (t * t + t * dt) / 2.0;
+        let (after, _) = run(&problem, 6);
+        let t = 6.0 * problem.setup.frame_s;
+        let fall = -9.81 * t * t / 2.0;
         let rounding = if precision == Precision::F64 { 1e-12 } else { 3e-5 };
         // The linear kernel's slope does not decrease with its weight, so rounding on light nodes
         // reaches particles.

@@ -83,7 +83,9 @@ fn homogeneous_stress_is_in_equilibrium() {
 
 #[test]
 fn an_affine_velocity_field_deforms_a_body_uniformly() {
-    for (kernel, transfer) in KERNELS.into_iter().flat_map(|k| [Transfer::Apic, Transfer::Mls].map(|t| (k, t))) {
+    for (kernel, transfer) in
+        KERNELS.into_iter().flat_map(|k| [Transfer::Apic, Transfer::Mls, Transfer::MlsPublished].map(|t| (k, t)))
+    {
         let dx = 0.1;
         let mut problem = implicit(2, [16.0, 16.0, 1.0], dx, kernel);
         problem.setup.transfer = transfer;
@@ -167,7 +169,9 @@ fn released(dimension: usize, kernel: Kernel, transfer: Transfer, material: Mate
 #[test]
 fn a_free_body_keeps_its_momentum_and_never_gains_energy() {
     for dimension in [2, 3] {
-        for (kernel, transfer) in KERNELS.into_iter().flat_map(|k| [Transfer::Apic, Transfer::Mls].map(|t| (k, t))) {
+        for (kernel, transfer) in
+            KERNELS.into_iter().flat_map(|k| [Transfer::Apic, Transfer::Mls, Transfer::MlsPublished].map(|t| (k, t)))
+        {
             for material in [elastic(2e4, 0.3, 1000.0), neo_hookean(2e6, 0.4, 1000.0)] {
                 if dimension == 3 && (transfer == Transfer::Apic || matches!(material, Material::NeoHookean(_))) {
                     continue;

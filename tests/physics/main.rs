@@ -10,3 +10,4 @@ mod problems;
 mod reactions;
 mod streams;
 mod verify;
+mod volume;

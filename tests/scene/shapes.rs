@@ -420,3 +420,34 @@ fn the_initial_state_is_the_rigid_motion_and_gradient_that_was_asked_for() {
         assert!((rate - expected).abs() < 1e-9, "{kernel} {transfer}: ‖C‖ = {rate}, {expected} expected");
     }
 }
+
+#[test]
+fn a_body_may_lie_across_the_seam_of_a_periodic_axis() {
+    let scene = |x: [f64; 2]| {
+        let text = serde_json::json!({
+            "gridfall": 1, "name": "seam", "dimension": 2,
+            "domain": { "min": [0, 0], "max": [1, 1], "dx": 0.0625, "boundary": { "x": "periodic" } },
+            "materials": { "m": { "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5,
+                                  "poissons_ratio": 0.3 } },
+            "bodies": [ { "name": "b", "material": "m", "angular_velocity": [1.0],
+                          "shape": { "box": { "min": [x[0], 0.25], "max": [x[1], 0.5] } } } ],
+            "time": { "end": 1 }
+        });
+        scene::from_value(&text).and_then(|scene| scene::problem(&scene, &Limits::default()))
+    };
+    let whole = scene([0.25, 0.75]).unwrap();
+    for shift in [0.5, -0.5, 2.0] {
+        let across = scene([0.25 + shift, 0.75 + shift]).unwrap();
+        assert_eq!(across.particles.len(), whole.particles.len());
+        for i in 0..whole.particles.len() {
+            let (there, here) = (&across.particles, &whole.particles);
+            assert!((0.0..1.0).contains(&there.x[i][0]));
+            let expected = (here.x[i][0] + shift).rem_euclid(1.0);
+            assert!((there.x[i][0] - expected).abs() < 1e-12, "{} is not {expected}", there.x[i][0]);
+            // It turns about its own middle.
+            assert!((0..2).all(|a| (there.v[i][a] - here.v[i][a]).abs() < 1e-12));
+        }
+    }
+    let faults = scene([0.25, 1.5]).unwrap_err();
+    assert!(faults.iter().any(|f| f.code == "outside_domain" && f.reason.contains("repeats every 1 m")), "{faults:#?}");
+}

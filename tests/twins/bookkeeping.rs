@@ -8,7 +8,7 @@ mod checks;
 
 use gridfall_core::sim::setup::{Precision, Problem, Setup};
 use gridfall_engine::explicit::cpu::stages;
-use gridfall_engine::explicit::gpu::layout::{Groups, WORK_MAX};
+use gridfall_engine::explicit::gpu::layout::{BLOCK_NODES, Groups, NODE_CHANNELS, WORK_MAX};
 use gridfall_engine::explicit::gpu::{Bookkeeping, Staged};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -209,9 +209,10 @@ fn planted_errors_are_caught() {
         ("work", "an item that goes on in the next bin", &|m| m.books.work[0].count += 1),
         ("grid", "a node not cleared", &|m| *m.books.grid.iter_mut().find(|value| **value == 0).unwrap() = 1),
         ("grid", "a sum not cleared", &|m| {
-            // Of the masses, which come first of the four channels of a block's 64 nodes: one that is
+            // Of the masses, which come first of the channels of a block's nodes: one that is
             // no speck.
-            let is_mass = |(at, value): &(usize, &mut i32)| at % 256 < 64 && **value > 1 << 20;
+            let is_mass =
+                |(at, value): &(usize, &mut i32)| at % (BLOCK_NODES * NODE_CHANNELS) < BLOCK_NODES && **value > 1 << 20;
             *m.books.grid.iter_mut().enumerate().find(is_mass).unwrap().1 *= 2;
         }),
     ];

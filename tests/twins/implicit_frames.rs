@@ -140,7 +140,7 @@ fn what_it_cannot_run_is_said() {
     let cases: [Change; 5] = [
         ("3D", &|p| p.setup.dimension = 2),
         ("kernel", &|p| p.setup.kernel = Kernel::Cubic),
-        ("apic and mls", &|p| p.setup.transfer = Transfer::Pic),
+        ("apic, mls", &|p| p.setup.transfer = Transfer::Pic),
         ("f32", &|p| p.setup.precision = Precision::F64),
         ("hot", &|p| p.setup.implicit.method = Method::PnPcg),
     ];

@@ -2,6 +2,7 @@
 
 use std::mem::offset_of;
 
+use gridfall_core::sim::volume;
 use gridfall_engine::explicit::gpu::layout;
 use gridfall_engine::gpu::{Shader, Variant, WORKGROUP};
 use gridfall_engine::implicit::gpu::layout as implicit;
@@ -40,10 +41,11 @@ macro_rules! twin {
 fn shared_structs_agree() {
     let m = parse("explicit/g2p2g");
     twin!(m, Params: blocks, particles, cells, dx, gravity, dt, pad, capacity, periodic, colliders, mass_scale,
-        momentum_scale, soft_shift, first_step, soft_demand, soft_growth, live, spare1, walls);
+        momentum_scale, soft_shift, first_step, soft_demand, soft_growth, live, fills, cell_scale,
+        first_kick, last_kick, last_step, end_dt, spare0, spare1, spare2, walls);
     twin!(m, Report: halt, error, error_particle, max_shift, max_speed, step, index, work_count, cursor, stale, needed,
         max_demand, isolated, finished, groups);
-    twin!(m, Body: mass, volume, material, demand);
+    twin!(m, Body: mass, volume, material, demand, rate, full, spare0, spare1);
     twin!(m, Material: model, a, b, c, d, e, spare0, spare1);
     twin!(m, SdfOp: r0, r1, r2, size, code, grid);
     twin!(m, Collider: first, count, kind, friction);
@@ -66,12 +68,27 @@ fn shared_structs_agree() {
     twin!(m, linear, Lanczos: count, rz, spare0, spare1, alpha, beta);
 }
 
-fn constant(module: &naga::Module, name: &str) -> u32 {
+fn literal(module: &naga::Module, name: &str) -> naga::Literal {
     let found = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name));
     let (_, c) = found.unwrap_or_else(|| panic!("no {name}"));
     match module.global_expressions[c.init] {
-        naga::Expression::Literal(naga::Literal::U32(v)) => v,
+        naga::Expression::Literal(literal) => literal,
         ref e => panic!("{name}: {e:?}"),
+    }
+}
+
+fn constant(module: &naga::Module, name: &str) -> u32 {
+    match literal(module, name) {
+        naga::Literal::U32(v) => v,
+        other => panic!("{name}: {other:?}"),
+    }
+}
+
+fn number(module: &naga::Module, name: &str) -> f32 {
+    match literal(module, name) {
+        naga::Literal::F32(v) => v,
+        naga::Literal::AbstractFloat(v) => v as f32,
+        other => panic!("{name}: {other:?}"),
     }
 }
 
@@ -95,9 +112,18 @@ fn shared_constants_agree() {
         ("GROUPS_SLOTS_OUT", layout::Groups::SlotsOut as u32),
         ("GROUPS_PARTICLES", layout::Groups::Particles as u32),
         ("WORK_MAX", layout::WORK_MAX as u32),
+        ("CHANNEL", layout::BLOCK_NODES as u32),
+        ("NODE_CHANNELS", layout::NODE_CHANNELS as u32),
+        ("FILLED", (layout::BLOCK_NODES * (layout::NODE_CHANNELS - 1)) as u32),
+        ("GRID_STRIDE", (layout::BLOCK_NODES * layout::NODE_CHANNELS) as u32),
+        ("FILLS_NOTHING", layout::FILLS_NOTHING),
+        ("FILLS_MASS", layout::FILLS_MASS),
+        ("FILLS_VOLUME", layout::FILLS_VOLUME),
     ] {
         assert_eq!(constant(&m, name), rust, "{name}");
     }
+    assert_eq!(number(&m, "CROWD"), volume::CROWD as f32);
+    assert_eq!(number(&m, "FULLEST"), volume::FULLEST as f32);
     let m = parse("implicit/linear/decide");
     for (name, rust) in [
         ("ACCEPTED", linear::ACCEPTED),
