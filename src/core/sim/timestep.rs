@@ -141,11 +141,11 @@ const NONE: f64 = f64::INFINITY;
 ///   otherwise 1.
 /// * Compact: not in the literature. The values come from the same two analyses, carried out
 ///   numerically on the dual grid; the closed forms are fitted. The bulk's worst case is one
-///   particle per cell at (¼, ¾). η is the worst over positions and Poisson's ratios. MLS (centred):
-///   with all coordinates at 0 or ½, p = (¼ − 1/2π)(¾ + 1/2π) and t = 1/(4π² p), η_μ = (1 + d t/(1
-///   + d t))/2p and η_λ = (1 + t/(1 + d t))/2p. A mode is stable as long as 2M(I + T) − dt² K ≥ 0,
-///   T = P2G G2P, which is a sum over particles: no arrangement at rest needs less than a lone
-///   particle.
+///   particle per cell at (¼, ¾). η is the worst over positions and Poisson's ratios.
+///   MLS (centred): with all coordinates at 0 or ½, p = (¼ − 1/2π)(¾ + 1/2π) and t = 1/(4π² p),
+///   η_μ = (1 + d t/(1 + d t))/2p and η_λ = (1 + t/(1 + d t))/2p. A mode is stable as long as
+///   2M(I + T) − dt² K ≥ 0 with T = P2G G2P. Both are sums over particles, so no arrangement at
+///   rest needs less than a lone particle.
 /// * Linear: the bulk factor is the minimum over positions and wave vectors of the paper's trace
 ///   bound. It is reached with particles on nodes: 1/√d. A lone particle at offset u in its cell
 ///   has η = 1 / (u (1 - u)) for PIC and half of it for APIC and MLS, which is unbounded as the
