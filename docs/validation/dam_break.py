@@ -3,34 +3,24 @@
 
     python3 docs/validation/dam_break.py before.mcap after.mcap docs/validation/dam-break.png
 
-Needs matplotlib, mcap and mcap-protobuf-support.
+Needs matplotlib, numpy, mcap and mcap-protobuf-support.
 """
 
 import sys
 
 import matplotlib
-import numpy
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
-from mcap.reader import make_reader
-from mcap_protobuf.decoder import DecoderFactory
+from fracture import frames
 
 TIMES_S = (0, 1, 5, 20)
 WIDTH_M, LEVEL_M, HEIGHT_M = 1.6, 0.2, 0.85
 
 
 def positions(path):
-    """x and y of all particles at each of the times."""
-    found = {}
-    with open(path, "rb") as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        for _, _, message, points in reader.iter_decoded_messages(topics=["/particles"]):
-            time = min(TIMES_S, key=lambda t: abs(t - message.log_time * 1e-9))
-            if abs(time - message.log_time * 1e-9) < 1e-6:
-                data = numpy.frombuffer(points.data, numpy.uint8).reshape(-1, points.point_stride)
-                found[time] = data[:, :8].copy().view("<f4")
-    return found
+    """Positions of all particles at each of the times."""
+    return {wanted: x for time, x in frames(path) for wanted in TIMES_S if abs(wanted - time) < 1e-6}
 
 
 def main():

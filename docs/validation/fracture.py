@@ -70,4 +70,5 @@ def main():
     figure.savefig(out, dpi=100)
 
 
-main()
+if __name__ == "__main__":
+    main()

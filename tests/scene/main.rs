@@ -1,5 +1,6 @@
-//! Scenes: documents, all their faults at once, shapes, meshes, and particles from files.
+//! Scenes: documents, all their faults at once, shapes, bodies, meshes, and particles from files.
 
+mod bodies;
 mod cases;
 mod documents;
 mod faults;

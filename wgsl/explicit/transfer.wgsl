@@ -39,8 +39,7 @@ fn gather(y: vec3<f32>) -> Gathered {
     }
     out.v += first;
     if (MLS) {
-        let m = arms_mean(y);
-        out.gradient = times_inverse_arms(out.B - mat3x3<f32>(apart * m.x, apart * m.y, apart * m.z), y);
+        out.gradient = mls_gradient(out.B, apart, y);
     }
     return out;
 }
@@ -63,7 +62,7 @@ fn scatter(id: u32, y: vec3<f32>, mass: f32, cells: f32, v: vec3<f32>, B: mat3x3
     if (MLS && CENTRED) {
         let force = times_inverse_spread(tau_impulse, y);
         A -= force;
-        push = force * grid_mean(y);
+        push = force * grid_mean(y, 0u);
     }
     var carry = dither(id);
     var volume_carry = carry.x;

@@ -81,9 +81,8 @@ fn main(
             stencils[lane] = stencil(y);
             if (MLS) {
                 // Distances from each grid's mean: all that g needs of them.
-                let m = arms_mean(y);
                 for (var s = 0u; s < GRIDS; s++) {
-                    stencils[lane].d[s] -= select(m, -m, s == 1u);
+                    stencils[lane].d[s] -= arms_mean(y, s);
                 }
             }
             corners[lane] = run_corner[r];

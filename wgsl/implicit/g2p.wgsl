@@ -69,8 +69,7 @@ fn advance(slot: u32, p: u32) {
     var principal: Principal;
     var gradient: mat3x3<f32>;
     if (MLS) {
-        let m = arms_mean(y);
-        gradient = times_inverse_arms(B - mat3x3<f32>(apart * m.x, apart * m.y, apart * m.z), y);
+        gradient = mls_gradient(B, apart, y);
     } else {
         gradient = tile_gradient(y);
     }

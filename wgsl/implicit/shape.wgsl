@@ -23,8 +23,7 @@ fn shape(y: vec3<f32>, n: vec3<i32>, grid: u32) -> Shape {
     out.w = w.x * w.y * w.z;
     out.d = s.d[grid] + vec3<f32>(k);
     if (MLS) {
-        let m = arms_mean(y);
-        out.g = out.w * (out.d - select(m, -m, grid == 1u));
+        out.g = out.w * (out.d - arms_mean(y, grid));
     } else {
         out.g = pick(s.dw[grid], vec3<u32>(k)) * vec3<f32>(w.y * w.z, w.x * w.z, w.x * w.y);
     }

@@ -19,10 +19,10 @@ fn tile_at(n: vec3<i32>, grid: u32) -> vec3<f32> {
 /// only to rounding.
 fn tile_gradient(y: vec3<f32>) -> mat3x3<f32> {
     var s = stencil(y);
-    let m = arms_mean(y);
     let first = tile_at(s.base[0], 0u);
     var out: mat3x3<f32>;
     for (var grid = 0u; grid < GRIDS; grid++) {
+        let m = arms_mean(y, grid);
         for (var k = 0u; k < NODES; k++) {
             for (var j = 0u; j < NODES; j++) {
                 for (var i = 0u; i < NODES; i++) {
@@ -31,7 +31,7 @@ fn tile_gradient(y: vec3<f32>) -> mat3x3<f32> {
                     let v = GRID_SHARE * (tile_at(s.base[grid] + vec3<i32>(n), grid) - first);
                     var g: vec3<f32>;
                     if (MLS) {
-                        g = (w.x * w.y * w.z) * (s.d[grid] - select(m, -m, grid == 1u) + vec3<f32>(n));
+                        g = (w.x * w.y * w.z) * (s.d[grid] - m + vec3<f32>(n));
                     } else {
                         g = vec3<f32>(s.dw[grid][i].x, s.dw[grid][j].y, s.dw[grid][k].z)
                             * vec3<f32>(w.y * w.z, w.x * w.z, w.x * w.y);

@@ -65,45 +65,43 @@ fn stencil(y: vec3<f32>) -> Stencil {
     return s;
 }
 
-/// A D⁻¹ dx², D/dx² = diag(p) + s sᵀ by Sherman–Morrison: A diag(1/p) - (A q) qᵀ / (1 + s·q), q =
-/// s/p.
-fn times_inverse_moment(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
+/// D/dx² = diag(p) + s sᵀ.
+struct Moments { p: vec3<f32>, s: vec3<f32> }
+
+fn moments(y: vec3<f32>) -> Moments {
     let f = y - floor(y);
     let profile = profile(f);
     let p = 0.5 * (profile.g_plus * (1.0 - profile.g_plus) + profile.g_minus * (1.0 - profile.g_minus));
     // s = cos(2πx)/2π = -sin(2πu⁺)/2π, and sin(2πv)/2π = v - g(v).
-    let v = min(f, 1.0 - f);
-    let sine = v - profile.g_plus;
-    let s = select(-sine, sine, profile.high);
-    let q = s / p;
-    let aq = (a * q) / (1.0 + dot(s, q));
-    return mat3x3<f32>(a[0] / p.x - aq * q.x, a[1] / p.y - aq * q.y, a[2] / p.z - aq * q.z);
+    let sine = min(f, 1.0 - f) - profile.g_plus;
+    return Moments(p, select(-sine, sine, profile.high));
+}
+
+/// A D⁻¹ dx² by Sherman–Morrison: A diag(1/p) - (A q) qᵀ / (1 + s·q), q = s/p.
+fn times_inverse_moment(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
+    let m = moments(y);
+    let q = m.s / m.p;
+    let aq = (a * q) / (1.0 + dot(m.s, q));
+    return mat3x3<f32>(a[0] / m.p.x - aq * q.x, a[1] / m.p.y - aq * q.y, a[2] / m.p.z - aq * q.z);
 }
 
 /// A diag(p)⁻¹: the moments about each grid's own mean have no skew part.
 fn times_inverse_spread(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
-    let profile = profile(y - floor(y));
-    let p = 0.5 * (profile.g_plus * (1.0 - profile.g_plus) + profile.g_minus * (1.0 - profile.g_minus));
+    let p = moments(y).p;
     return mat3x3<f32>(a[0] / p.x, a[1] / p.y, a[2] / p.z);
 }
 
-/// s: mean distance of grid +'s nodes from the particle, Σ w d; that of grid - is -s.
-fn grid_mean(y: vec3<f32>) -> vec3<f32> {
-    let f = y - floor(y);
-    let profile = profile(f);
-    let sine = min(f, 1.0 - f) - profile.g_plus;
-    return select(-sine, sine, profile.high);
+/// Mean distance of a grid's nodes from the particle, Σ w d = ± s.
+fn grid_mean(y: vec3<f32>, grid: u32) -> vec3<f32> {
+    let s = moments(y).s;
+    return select(s, -s, grid == 1u);
 }
 
 /// A D / dx².
 fn times_moment(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
-    let f = y - floor(y);
-    let profile = profile(f);
-    let p = 0.5 * (profile.g_plus * (1.0 - profile.g_plus) + profile.g_minus * (1.0 - profile.g_minus));
-    let sine = min(f, 1.0 - f) - profile.g_plus;
-    let s = select(-sine, sine, profile.high);
-    let along = a * s;
-    return mat3x3<f32>(a[0] * p.x + along * s.x, a[1] * p.y + along * s.y, a[2] * p.z + along * s.z);
+    let m = moments(y);
+    let along = a * m.s;
+    return mat3x3<f32>(a[0] * m.p.x + along * m.s.x, a[1] * m.p.y + along * m.s.y, a[2] * m.p.z + along * m.s.z);
 }
 
 fn node_offset(grid: u32) -> f32 {

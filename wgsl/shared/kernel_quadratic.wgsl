@@ -35,7 +35,7 @@ fn times_inverse_spread(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
 }
 
 /// Mean distance of the nodes from the particle, Σ w d.
-fn grid_mean(y: vec3<f32>) -> vec3<f32> {
+fn grid_mean(y: vec3<f32>, grid: u32) -> vec3<f32> {
     return vec3<f32>(0.0);
 }
 

@@ -17,10 +17,16 @@ fn times_inverse_arms(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
     return times_inverse_moment(a, y);
 }
 
-/// m of grid +; that of grid - is -m.
-fn arms_mean(y: vec3<f32>) -> vec3<f32> {
+/// m.
+fn arms_mean(y: vec3<f32>, grid: u32) -> vec3<f32> {
     if (CENTRED) {
-        return grid_mean(y);
+        return grid_mean(y, grid);
     }
     return vec3<f32>(0.0);
+}
+
+/// dx ∇v = share Σ w v_i (d - m)ᵀ E⁻¹, from B = share Σ w v_i dᵀ and `apart` = share (Σ⁺ - Σ⁻) w v_i.
+fn mls_gradient(B: mat3x3<f32>, apart: vec3<f32>, y: vec3<f32>) -> mat3x3<f32> {
+    let m = arms_mean(y, 0u);
+    return times_inverse_arms(B - mat3x3<f32>(apart * m.x, apart * m.y, apart * m.z), y);
 }

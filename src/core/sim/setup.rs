@@ -97,8 +97,9 @@ impl Setup {
         self.gravity != [0.0; 3]
     }
 
-    /// A position in the domain's own period, on periodic axes.
-    pub fn wrapped(&self, mut x: [f64; 3]) -> [f64; 3] {
+    /// A position (of the scene's dimension, or in three) in the domain's own period, on periodic
+    /// axes.
+    pub fn wrapped<const D: usize>(&self, mut x: [f64; D]) -> [f64; D] {
         for a in (0..self.dimension).filter(|&a| self.axes[a] == Axis::Periodic) {
             let (inside, period) = (x[a] - self.origin[a], self.cells[a] as f64 * self.dx);
             // What is inside stays as it is, to the bit.

@@ -48,8 +48,9 @@ pub enum Transfer {
     /// grids, about the mean of each grid.
     Mls,
     /// As `mls`, but with the compact kernel's moments about the particle, as CK-MPM publishes
-    /// them. Locks beside sticky walls; for comparison with the paper. The other kernels have one
-    /// grid and know no difference.
+    /// them. They make divergence of a kink in the velocity, so that layers beside sticky surfaces
+    /// may lock; for comparison with the paper. The other kernels have one grid and know no
+    /// difference.
     MlsPublished,
 }
 

@@ -167,7 +167,8 @@ impl<T: Real, const D: usize> Simulation<T, D> {
             let runs = places.chunk_by(|a, b| body(a) == body(b)).flat_map(|of_body| of_body.chunks(LANES));
             let runs: Vec<&[Place]> = runs.collect();
             let chunks = runs.into_iter().map(|run| chunk(source, run)).collect();
-            let walls = wall_room(&self.setup, &self.constants.layout, &coordinates);
+            let follows = self.constants.follows;
+            let walls = follows.then(|| wall_room(&self.setup, &self.constants.layout, &coordinates)).flatten();
             let (inside, planes) = (self.inside(&coordinates), self.planes(&coordinates));
             Block { coordinates, chunks, inside, planes, walls }
         };

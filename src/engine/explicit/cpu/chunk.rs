@@ -231,12 +231,6 @@ impl<T: Real, const D: usize, const G: usize, const W: usize> Stencils<T, D, G, 
         product
     }
 
-    /// Mean of x_i − x_p over the nodes of grid g, Σ w (x_i − x_p)/dx, along axis a.
-    #[inline(always)]
-    pub fn mean(&self, a: usize, g: usize, l: usize) -> T {
-        if g == 0 { self.skew[a][l] } else { -self.skew[a][l] }
-    }
-
     /// m diag(spread)⁻¹ at lane l's position.
     #[inline(always)]
     pub fn times_inverse_spread(&self, m: &Matrix<T, D>, l: usize) -> Matrix<T, D> {

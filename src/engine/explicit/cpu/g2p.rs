@@ -99,7 +99,7 @@ widest! {
                 let rates = if constants.transfer.is_centred() {
                     for i in 0..D {
                         for k in 0..D {
-                            moment[i][k] -= apart[i][l] * stencils.mean(k, 0, l);
+                            moment[i][k] -= apart[i][l] * stencils.skew[k][l];
                         }
                     }
                     stencils.times_inverse_spread(&moment, l)

@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::simulation::Block;
+use super::simulation::{Block, Constants};
 use super::tables::Tables;
 use super::tile::{BLOCK, Layout, MASS, Node};
 use gridfall_core::maths::real::Real;
@@ -22,7 +22,7 @@ pub struct Grid<T, const D: usize> {
     tables: Tables<D>,
     /// With the mass as last component.
     velocities: Vec<Node<T>>,
-    /// Share of each node's room outside colliders; empty without any.
+    /// Share of each node's room outside colliders; empty without any, and if no particle asks.
     room: Vec<T>,
     /// Rest volume at each node over dx^d; empty unless materials differ.
     filled: Vec<T>,
@@ -127,11 +127,12 @@ impl<T: Real, const D: usize> Grid<T, D> {
     pub fn update(
         &mut self,
         setup: &Setup,
+        constants: &Constants<T, D>,
         tiles: &Tiles<T>,
-        layout: &Layout,
         dt_s: f64,
         time_s: f64,
     ) -> Vec<Reaction> {
+        let Constants { layout, follows, .. } = constants;
         let fall: [T; D] = std::array::from_fn(|a| T::from_f64(dt_s * setup.gravity[a]));
         let present = setup.colliders.iter().zip(reaction::WALLS..).filter(|(c, _)| c.is_present(time_s));
         let present: Vec<Surface> = present
@@ -145,7 +146,8 @@ impl<T: Real, const D: usize> Grid<T, D> {
                 (0..self.tables.nodes()).into_par_iter().map(|node| self.volume(node, tiles.volumes)).collect();
         }
         let mut room = std::mem::take(&mut self.room);
-        room.resize(if present.is_empty() { 0 } else { self.tables.nodes() }, T::ONE);
+        let asked = *follows && !present.is_empty();
+        room.resize(if asked { self.tables.nodes() } else { 0 }, T::ONE);
         let walls = Walls { setup, grid: self, tiles: tiles.nodes, fall };
         let mut rooms = room.chunks_exact_mut(nodes);
         let blocks = velocities.chunks_exact_mut(nodes).zip(&self.tables.blocks).map(|(v, c)| (v, c, rooms.next()));
@@ -154,7 +156,7 @@ impl<T: Real, const D: usize> Grid<T, D> {
             .into_par_iter()
             .enumerate()
             .map(|(index, (block, corner, mut room))| {
-                let near = near(setup, &present, corner);
+                let near = near(setup, &present, corner, *follows);
                 let mut taken = Taken { setup, sums: Vec::new() };
                 if let Some(room) = &mut room {
                     room.fill(T::ONE);
@@ -295,12 +297,17 @@ struct Surface<'a> {
     collider: Placed<'a>,
 }
 
-/// Colliders that may reach a node of the block. A distance changes by at most the distance moved
+/// Colliders that may reach a node of the block, or its room if that is asked for. A distance changes by at most the distance moved
 /// (and a slack of sampled shapes), so that the one at the block's middle decides.
-fn near<'a, const D: usize>(setup: &Setup, present: &'a [Surface<'a>], corner: &[i32; D]) -> Vec<&'a Surface<'a>> {
+fn near<'a, const D: usize>(
+    setup: &Setup,
+    present: &'a [Surface<'a>],
+    corner: &[i32; D],
+    room: bool,
+) -> Vec<&'a Surface<'a>> {
     let middle = position(setup, corner.map(|c| BLOCK * c + BLOCK / 2), 0.0);
     // Nodes lie within 2¼ cells of the middle on every axis, and have room up to two cells from them.
-    let reach = (2.25 * (D as f64).sqrt() + 2.0) * setup.dx;
+    let reach = (2.25 * (D as f64).sqrt() + if room { 2.0 } else { 0.0 }) * setup.dx;
     present.iter().filter(|surface| surface.collider.distance(middle) <= reach + surface.collider.slack()).collect()
 }
 

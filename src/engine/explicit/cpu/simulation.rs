@@ -68,6 +68,8 @@ pub struct Constants<T, const D: usize> {
     pub layout: Layout,
     /// Cells per axis if periodic.
     pub period: [Option<i32>; D],
+    /// Whether the volume of some body follows what fills the room.
+    pub follows: bool,
     /// Whether P2G sums rest volumes.
     pub mixed: bool,
 }
@@ -110,18 +112,19 @@ impl<T: Real, const D: usize> Simulation<T, D> {
             cells: T::from_f64(body.volume0 / setup.dx.powi(D as i32)),
             relaxation: Relaxation::of(setup, body),
         });
+        let bodies: Vec<BodySetup<T>> = bodies.collect();
+        let follows = bodies.iter().any(|body| body.relaxation.is_some());
         let interpolation = interpolation(setup.kernel);
         let periodic = |a: usize| matches!(setup.axes[a], Axis::Periodic).then_some(setup.cells[a] as i32);
         let constants = Constants {
             dx: T::from_f64(setup.dx),
-            bodies: bodies.collect(),
+            bodies,
             transfer: setup.transfer,
             layout: interpolation.layout(),
             period: std::array::from_fn(periodic),
-            mixed: false,
+            follows,
+            mixed: follows && volume::is_mixed(setup),
         };
-        let follows = constants.bodies.iter().any(|body| body.relaxation.is_some());
-        let constants = Constants { mixed: follows && volume::is_mixed(setup), ..constants };
         let mut simulation = Self {
             constants,
             setup: setup.clone(),
@@ -244,7 +247,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
     /// Tiles → node velocities at the end of a step of `dt_s` that starts at `time_s`; the impulses that surfaces take.
     pub fn grid_update(&mut self, dt_s: f64, time_s: f64) -> Vec<Reaction> {
         let tiles = Tiles { nodes: &self.tiles, volumes: &self.volumes };
-        self.grid.update(&self.setup, &tiles, &self.constants.layout, dt_s, time_s)
+        self.grid.update(&self.setup, &self.constants, &tiles, dt_s, time_s)
     }
 
     /// Node velocities → particles; the last step of a frame, which resets particles that are alone.

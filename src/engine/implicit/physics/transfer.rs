@@ -106,7 +106,7 @@ pub fn grid_to_particles<const D: usize>(
         if law.is_plastic() {
             law.return_map(&mut f, &mut plastic);
         }
-        let x: Vector<f64, D> = std::array::from_fn(|a| wrapped(setup, a, state.x[p][a] + dt * v[a]));
+        let x = setup.wrapped(std::array::from_fn(|a| state.x[p][a] + dt * v[a]));
         (x, v, if affine { b } else { [[0.0; D]; D] }, f, plastic)
     };
     let count = state.x.len();
@@ -133,13 +133,6 @@ pub fn grid_to_particles<const D: usize>(
         body: state.body.clone(),
     };
     (after, moves)
-}
-
-fn wrapped(setup: &Setup, a: usize, x: f64) -> f64 {
-    match setup.axes[a] {
-        Axis::Periodic => setup.origin[a] + (x - setup.origin[a]).rem_euclid(setup.cells[a] as f64 * setup.dx),
-        Axis::Walls(_) => x,
-    }
 }
 
 fn is_outside(setup: &Setup, a: usize, x: f64) -> bool {
