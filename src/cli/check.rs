@@ -16,6 +16,7 @@ use gridfall_core::sim::setup::{Problem, Setup};
 use gridfall_engine::choice::Devices;
 use gridfall_engine::{Backend, Control, EngineError};
 use gridfall_scene::estimate::{Estimate, Integration, Limit, estimate};
+use gridfall_scene::shown;
 
 /// Wall time of a calibration (s); the warm-up of a device takes as long again.
 const CALIBRATION_S: f64 = 2.0;
@@ -61,7 +62,10 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let devices = Devices::open(arguments.device.choice(), arguments.device.adapter.as_deref()).map_err(bad_device)?;
     let speed = calibrate(&devices, &setup, particles, &estimate).map_err(|e| CliError::Failed(e.to_string()))?;
     if arguments.json {
-        println!("{:#}", json!({ "valid": true, "name": setup.name, "estimate": estimate, "speed": speed }));
+        let notices = &setup.notices;
+        let name = &setup.name;
+        let answer = json!({ "valid": true, "name": name, "notices": notices, "estimate": estimate, "speed": speed });
+        println!("{answer:#}");
     } else {
         print!("{}", text(&setup, &estimate, &speed));
     }
@@ -163,6 +167,9 @@ fn text(setup: &Setup, estimate: &Estimate, speed: &Speed) -> String {
     let mut text = format!("{}: valid\n", setup.name);
     for (label, value) in rows {
         text += &format!("  {label:<10} {value}\n");
+    }
+    for notice in &setup.notices {
+        text += &format!("  {:<10} {}\n", "notice", shown(&notice.to_string()));
     }
     text
 }

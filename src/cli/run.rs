@@ -17,7 +17,7 @@ use gridfall_engine::{Backend, Control, EngineError};
 use gridfall_recording::Appearance;
 use gridfall_recording::run::{self, FrameReport, Observer, Outputs, RunError};
 use gridfall_scene::assets::LocalFiles;
-use gridfall_scene::{self as scene, Limits, Scene};
+use gridfall_scene::{self as scene, Limits, Scene, shown};
 
 /// Run a scene here, without a server, and write its recording.
 #[derive(Debug, Args)]
@@ -67,6 +67,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let particles = setup.total_particles();
     eprintln!("{}: {particles} particles, {} frames; {}", scene.name, setup.frames, describe(&backend));
     eprintln!("{}", integration(&setup));
+    setup.notices.iter().for_each(|notice| eprintln!("notice: {}", shown(&notice.to_string())));
 
     let interrupted = interrupt::flag().map_err(|error| CliError::Failed(error.to_string()))?;
     let started = Instant::now();
@@ -96,6 +97,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
             "backend": backend,
             "integrator": setup.integrator,
             "integrator_reason": setup.integrator_reason,
+            "notices": setup.notices,
         });
         println!("{report:#}");
     } else {

@@ -269,6 +269,9 @@ impl<'a> Keeper<'a> {
         writer.log(Severity::Info, format!("{name}: {particles} particles on {device} ({})", backend.reason));
         let integrator = setup.integrator.name();
         writer.log(Severity::Info, format!("{integrator} integration: {}", setup.integrator_reason));
+        for notice in &setup.notices {
+            writer.log(Severity::Warning, notice.to_string());
+        }
         let table =
             |path: &Option<PathBuf>, header: String| path.as_ref().map(|p| Table::create(p, header)).transpose();
         let csv = table(&out.diagnostics, Row::csv_header(setup))?;

@@ -105,6 +105,8 @@ pub fn estimate(problem: &Problem) -> Estimate {
     let (explicit, implicit) = (cost::explicit(setup, particles), cost::implicit(setup, particles));
     let chosen = if setup.integrator == Integrator::Implicit { &implicit } else { &explicit };
     let plan = chosen.plan;
+    let too_fast = cost::too_fast_for_implicit(setup, particles);
+    let possible = cost::implicit_fault(setup).or(too_fast).is_none();
     let total = setup.total_particles() as u64;
     let blocks = active_blocks(setup, &particles.x) + emitted_blocks(setup);
     Estimate {
@@ -116,7 +118,7 @@ pub fn estimate(problem: &Problem) -> Estimate {
         integrator: setup.integrator,
         integrator_reason: setup.integrator_reason.clone(),
         explicit: Integration::of(&explicit),
-        implicit: cost::implicit_fault(setup).is_none().then(|| Integration::of(&implicit)),
+        implicit: possible.then(|| Integration::of(&implicit)),
         dt_s: plan.dt_s,
         dt_bound: plan.bound.name(),
         dt_reason: plan.bound.explain(setup),

@@ -4,6 +4,8 @@ use std::fmt;
 
 use serde::Serialize;
 
+use crate::names::shown;
+
 /// One fault of a scene.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Fault {
@@ -21,7 +23,8 @@ pub struct Fault {
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let pointer = if self.pointer.is_empty() { "(document)" } else { &self.pointer };
-        write!(f, "{pointer}: {}; {} [{}]", self.reason, self.remedy, self.code)
+        let [pointer, reason, remedy] = [pointer, &self.reason, &self.remedy].map(shown);
+        write!(f, "{pointer}: {reason}; {remedy} [{}]", self.code)
     }
 }
 

@@ -6,7 +6,7 @@
 //! finds stays beside the document, in a table. A module uses only those before it in this list:
 //!
 //! ```text
-//! schema, fault, limits, suggest, vectors, memory
+//! names, schema, fault, limits, suggest, vectors, memory
 //! document, overrides, structure                     text and JSON to a scene
 //! mesh, points, assets                               files
 //! sampling, grid, shape                              lattices, streams, signed distances
@@ -24,6 +24,7 @@ mod grid;
 mod limits;
 mod memory;
 mod mesh;
+mod names;
 mod overrides;
 mod points;
 mod resolve;
@@ -37,10 +38,11 @@ mod vectors;
 
 pub use fault::Fault;
 pub use limits::Limits;
+pub use names::{hidden, shown};
 pub use schema::Scene;
 
 use gridfall_core::sim::cost;
-use gridfall_core::sim::setup::Problem;
+use gridfall_core::sim::setup::{Integrator, Problem};
 use serde_json::Value;
 
 use assets::{Assets, NoAssets};
@@ -117,6 +119,11 @@ pub fn problem_with(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Resu
             let at = format!("/bodies/{n}/shape");
             faults.add(&at, "no_particles", "no random point fell into the shape", "make the shape larger or lower dx");
         }
+    }
+    if problem.setup.integrator == Integrator::Implicit
+        && let Some(reason) = cost::too_fast_for_implicit(&problem.setup, &problem.particles)
+    {
+        faults.add("/solver/integrator", "too_fast", reason, "write `explicit`, lower the speeds, or raise dx");
     }
     let cost::Prediction { plan, steps, .. } = cost::chosen(&problem.setup, &problem.particles);
     if steps > limits.max_steps {

@@ -8,6 +8,11 @@ pub(crate) fn vector3(v: &[f64]) -> [f64; 3] {
     std::array::from_fn(|a| v.get(a).copied().unwrap_or(0.0))
 }
 
+/// Length of a vector of any dimension.
+pub(crate) fn length(v: &[f64]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
 /// Angular velocity as three components; a single component turns about z.
 pub(crate) fn spin(w: &[f64]) -> [f64; 3] {
     if let [w] = w { [0.0, 0.0, *w] } else { vector3(w) }

@@ -54,6 +54,7 @@ pub fn empty(dimension: usize, cells: Vec3, dx: f64) -> Problem {
         max_dt_s: None,
         integrator: Integrator::Explicit,
         integrator_reason: String::new(),
+        notices: Vec::new(),
         implicit: Implicit::default(),
         frames: 1,
         frame_s: 1.0 / 48.0,

@@ -6,14 +6,14 @@ use serde_json::{Value, json};
 use crate::cases::{Case, FLAT, MEANING, MOTION, SOURCES, STRUCTURE, TOGETHER, changed, flat, good, pouring};
 
 /// All faults of a document, whichever stage finds them.
-fn faults(document: &Value, limits: &Limits) -> Vec<Fault> {
+pub fn faults(document: &Value, limits: &Limits) -> Vec<Fault> {
     match scene::from_value(document) {
         Err(faults) => faults,
         Ok(scene) => scene::problem(&scene, limits).err().unwrap_or_default(),
     }
 }
 
-fn expect(document: &Value, limits: &Limits, expected: &[(&str, &str)]) {
+pub fn expect(document: &Value, limits: &Limits, expected: &[(&str, &str)]) {
     let found = faults(document, limits);
     let mut got: Vec<(&str, &str)> = found.iter().map(|f| (f.pointer.as_str(), f.code)).collect();
     let mut expected = expected.to_vec();
@@ -25,7 +25,7 @@ fn expect(document: &Value, limits: &Limits, expected: &[(&str, &str)]) {
     }
 }
 
-fn run(base: fn() -> Value, cases: &[Case]) {
+pub fn run(base: fn() -> Value, cases: &[Case]) {
     for (changes, expected) in cases {
         let changes: Vec<(&str, Value)> = changes.iter().map(|(at, value)| (*at, value())).collect();
         println!("{changes:?}");

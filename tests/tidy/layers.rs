@@ -19,8 +19,9 @@ pub const CRATES: &[(&str, &[&str])] = &[
 pub const CORE: &[Layer] = &[("maths", &[]), ("material", &["maths"]), ("sim", &["maths", "material"])];
 
 pub const SCENE: &[Layer] = &[
+    ("names", &[]),
     ("schema", &[]),
-    ("fault", &[]),
+    ("fault", &["names"]),
     ("limits", &[]),
     ("suggest", &[]),
     ("vectors", &[]),
@@ -37,7 +38,7 @@ pub const SCENE: &[Layer] = &[
     ("resolve", &["schema", "fault", "limits", "mesh", "points", "assets", "shape"]),
     (
         "validate",
-        &["schema", "fault", "limits", "suggest", "vectors", "memory", "sampling", "grid", "shape", "resolve"],
+        &["names", "schema", "fault", "limits", "suggest", "vectors", "memory", "sampling", "grid", "shape", "resolve"],
     ),
     ("build", &["schema", "vectors", "grid", "shape", "resolve"]),
     ("estimate", &["memory"]),

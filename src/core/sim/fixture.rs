@@ -62,6 +62,7 @@ pub fn problem(dimension: usize, dx: f64, materials: Vec<Material>, blocks: &[Bl
         max_dt_s: None,
         integrator: Integrator::Explicit,
         integrator_reason: String::new(),
+        notices: Vec::new(),
         implicit: Implicit::default(),
         frames: 50,
         frame_s: 1.0 / 50.0,

@@ -11,6 +11,7 @@ mod fixture;
 pub mod inlet;
 pub mod kernel;
 pub mod moments;
+pub mod notice;
 pub mod particles;
 pub mod reaction;
 pub mod settings;

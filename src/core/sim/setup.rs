@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::collider::Collider;
 pub use super::contact::{Contact, ContactKind};
+use super::notice::Notice;
 use super::particles::{IDENTITY, Particles};
 pub use super::settings::{
     CoarseSolve, Implicit, Integrator, Kernel, Method, OutputField, Precision, Smoother, Transfer,
@@ -70,6 +71,8 @@ pub struct Setup {
     /// Why this integrator, in a sentence.
     pub integrator_reason: String,
     pub implicit: Implicit,
+    /// What the user should know of the scene.
+    pub notices: Vec<Notice>,
     /// Frames after frame 0.
     pub frames: u32,
     /// Simulated time between frames (s).

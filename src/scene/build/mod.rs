@@ -40,6 +40,7 @@ pub(crate) fn build(scene: &Scene, resolved: &Resolved) -> Problem {
         integrator: scene.solver.integrator,
         integrator_reason: String::new(),
         implicit: scene.solver.implicit,
+        notices: resolved.notices.clone(),
         frames: frames(scene),
         frame_s: 1.0 / scene.time.frame_rate,
         fields: scene.output.fields.clone(),

@@ -27,35 +27,42 @@ struct Node {
     radius: f64,
 }
 
+/// A triangle's corners, and its number in the mesh.
+struct Face {
+    corners: [[f64; 3]; 3],
+    number: u32,
+}
+
 /// The triangles of a mesh in a tree.
 pub struct Bvh {
     nodes: Vec<Node>,
-    triangles: Vec<[[f64; 3]; 3]>,
+    faces: Vec<Face>,
 }
 
 impl Bvh {
     pub fn new(mesh: &TriangleMesh) -> Self {
-        let mut triangles: Vec<[[f64; 3]; 3]> =
-            mesh.triangles.iter().map(|t| t.map(|v| mesh.vertices[v as usize])).collect();
-        let mut nodes = Vec::with_capacity(2 * triangles.len() / LEAF + 1);
-        let all = triangles.len();
+        let face = |number: usize| Face { corners: mesh.corners(number), number: number as u32 };
+        let mut faces: Vec<Face> = (0..mesh.triangles.len()).map(face).collect();
+        let mut nodes = Vec::with_capacity(2 * faces.len() / LEAF + 1);
+        let all = faces.len();
         if all > 0 {
-            build(&mut nodes, &mut triangles, 0, all);
+            build(&mut nodes, &mut faces, 0, all);
         }
-        Self { nodes, triangles }
+        Self { nodes, faces }
     }
 
-    /// Distance to the nearest triangle (m) and its number. `guess`, a triangle that is probably
-    /// near, saves most of the search.
+    /// Distance to the nearest triangle (m) and its place in the tree. `guess`, a place that is
+    /// probably near, saves most of the search.
     pub fn nearest(&self, x: [f64; 3], guess: usize) -> (f64, usize) {
-        let mut best = self.triangles.get(guess).map_or((f64::INFINITY, guess), |t| (distance2(x, t), guess));
+        let mut best =
+            self.faces.get(guess).map_or((f64::INFINITY, guess), |face| (distance2(x, &face.corners), guess));
         let mut open = Vec::with_capacity(64);
         open.push((0usize, 0.0));
         while let Some((n, least)) = open.pop() {
             let Some(node) = self.nodes.get(n).filter(|_| least < best.0) else { continue };
             if node.count > 0 {
                 for n in node.start as usize..(node.start + node.count) as usize {
-                    let d2 = distance2(x, &self.triangles[n]);
+                    let d2 = distance2(x, &self.faces[n].corners);
                     best = if d2 < best.0 { (d2, n) } else { best };
                 }
                 continue;
@@ -81,12 +88,32 @@ impl Bvh {
                 sum += dot(node.dipole, r) / (d2 * d2.sqrt());
             } else if node.count > 0 {
                 let (start, end) = (node.start as usize, (node.start + node.count) as usize);
-                sum += self.triangles[start..end].iter().map(|t| solid_angle(x, t)).sum::<f64>();
+                sum += self.faces[start..end].iter().map(|face| solid_angle(x, &face.corners)).sum::<f64>();
             } else {
                 open.extend([node.start as usize, n + 1]);
             }
         }
         sum / (4.0 * PI)
+    }
+
+    /// Calls `met` for each triangle that the ray from `x` along `way` goes through: its number, and
+    /// whether the ray leaves through its outward side.
+    pub fn crossings(&self, x: [f64; 3], way: [f64; 3], mut met: impl FnMut(u32, bool)) {
+        let mut open = Vec::with_capacity(64);
+        open.push(0usize);
+        while let Some(n) = open.pop() {
+            let Some(node) = self.nodes.get(n).filter(|node| node.is_crossed(x, way)) else { continue };
+            if node.count > 0 {
+                let (start, end) = (node.start as usize, (node.start + node.count) as usize);
+                for face in &self.faces[start..end] {
+                    if let Some(outwards) = crossing(x, way, &face.corners) {
+                        met(face.number, outwards);
+                    }
+                }
+            } else {
+                open.extend([node.start as usize, n + 1]);
+            }
+        }
     }
 }
 
@@ -95,14 +122,22 @@ impl Node {
     fn distance2(&self, x: [f64; 3]) -> f64 {
         (0..3).map(|a| (self.lower[a] - x[a]).max(x[a] - self.upper[a]).max(0.0).powi(2)).sum()
     }
+
+    /// Whether the ray from `x` along `way`, whose components are all above 0, meets the box.
+    fn is_crossed(&self, x: [f64; 3], way: [f64; 3]) -> bool {
+        let enter = (0..3).map(|a| (self.lower[a] - x[a]) / way[a]).fold(0.0, f64::max);
+        let leave = (0..3).map(|a| (self.upper[a] - x[a]) / way[a]).fold(f64::INFINITY, f64::min);
+        enter <= leave
+    }
 }
 
 /// Builds the tree over `triangles[start..end]`, with nodes in depth-first order.
-fn build(nodes: &mut Vec<Node>, triangles: &mut [[[f64; 3]; 3]], start: usize, end: usize) {
-    let own = &mut triangles[start..end];
+fn build(nodes: &mut Vec<Node>, faces: &mut [Face], start: usize, end: usize) {
+    let own = &mut faces[start..end];
     let (mut lower, mut upper) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     let (mut dipole, mut center, mut area) = ([0.0; 3], [0.0; 3], 0.0);
-    for t in own.iter() {
+    for face in own.iter() {
+        let t = &face.corners;
         let vector = cross(sub(t[1], t[0]), sub(t[2], t[0])).map(|n| 0.5 * n);
         let size = dot(vector, vector).sqrt();
         for a in 0..3 {
@@ -126,11 +161,11 @@ fn build(nodes: &mut Vec<Node>, triangles: &mut [[[f64; 3]; 3]], start: usize, e
     }
     let axis = (0..3).max_by(|&a, &b| (upper[a] - lower[a]).total_cmp(&(upper[b] - lower[b]))).unwrap_or(0);
     let middle = (end - start) / 2;
-    let key = |t: &[[f64; 3]; 3]| t[0][axis] + t[1][axis] + t[2][axis];
+    let key = |face: &Face| face.corners.iter().map(|v| v[axis]).sum::<f64>();
     own.select_nth_unstable_by(middle, |a, b| key(a).total_cmp(&key(b)));
-    build(nodes, triangles, start, start + middle);
+    build(nodes, faces, start, start + middle);
     nodes[n].start = nodes.len() as u32;
-    build(nodes, triangles, start + middle, end);
+    build(nodes, faces, start + middle, end);
 }
 
 /// Squared distance from a point to a triangle (Ericson 2005, Real-time collision detection,
@@ -180,4 +215,16 @@ fn solid_angle(x: [f64; 3], t: &[[f64; 3]; 3]) -> f64 {
     let volume = dot(a, cross(b, c));
     let product = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb;
     2.0 * volume.atan2(product)
+}
+
+/// Whether the ray from `x` along `way` goes through a triangle (Möller & Trumbore 1997), and if so
+/// whether through its outward side.
+fn crossing(x: [f64; 3], way: [f64; 3], [a, b, c]: &[[f64; 3]; 3]) -> Option<bool> {
+    let (ab, ac, ax) = (sub(*b, *a), sub(*c, *a), sub(x, *a));
+    let p = cross(way, ac);
+    let det = dot(ab, p);
+    let q = cross(ax, ab);
+    let (u, v, t) = (dot(ax, p) / det, dot(way, q) / det, dot(ac, q) / det);
+    // A ray along the triangle's plane gives no numbers, and does not go through.
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some(det < 0.0)
 }

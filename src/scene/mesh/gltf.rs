@@ -8,7 +8,7 @@ use gltf::accessor::{DataType, Dimensions};
 use gltf::buffer::Source;
 use gltf::mesh::Mode;
 
-use super::triangles::{MeshError, TriangleMesh};
+use super::triangles::{MeshError, TriangleMesh, f32_spacing};
 
 /// How deeply nodes may be nested.
 const MAX_DEPTH: usize = 64;
@@ -69,11 +69,17 @@ fn add(
             return Err(MeshError::new("the glTF has triangles without positions in f32"));
         };
         let first = mesh.vertices.len() as u32;
+        let mut spacing = [0.0f64; 3];
         mesh.vertices.extend(positions.map(|p| {
             let p = [f64::from(p[0]), f64::from(p[1]), f64::from(p[2]), 1.0];
+            (0..3).for_each(|k| spacing[k] = spacing[k].max(f32_spacing(p[k])));
             let [x, y, z]: [f64; 3] = std::array::from_fn(|row| (0..4).map(|k| to_world[k][row] * p[k]).sum());
             [x, -z, y]
         }));
+        // The file's numbers are those before nodes put them in their place.
+        let [x, y, z] = [0, 1, 2].map(|row| (0..3).map(|k| (to_world[k][row] * spacing[k]).abs()).sum());
+        let placed: [f64; 3] = [x, z, y];
+        mesh.resolution = std::array::from_fn(|a| mesh.resolution[a].max(placed[a]));
         let count = mesh.vertices.len() as u32 - first;
         let indices: Vec<u32> = match primitive.indices() {
             Some(indices) if indices.count() == 0 => Vec::new(),

@@ -2,13 +2,17 @@
 //! distance.
 
 mod bvh;
+mod filled;
 mod gltf;
 pub mod heightfield;
+mod mend;
 pub mod ply;
 mod read;
 mod sample;
 mod triangles;
 
+pub use filled::filled_volume;
+pub use mend::{Mended, mend};
 pub use read::{format, read};
 pub use sample::{MAX_SAMPLES, Plan};
 pub use triangles::TriangleMesh;

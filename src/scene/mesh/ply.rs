@@ -3,9 +3,9 @@
 use std::io::BufRead;
 
 use ply_rs_bw::parser::{Parser, Reader};
-use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
+use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
 
-use super::triangles::{MeshError, TriangleMesh};
+use super::triangles::{MeshError, TriangleMesh, f32_spacing};
 
 /// The properties of a vertex that are read; those that the file lacks are NaN.
 const NAMES: [&str; 6] = ["x", "y", "z", "vx", "vy", "vz"];
@@ -56,6 +56,8 @@ struct Contents {
     faces: Vec<Element>,
     /// Which of [`NAMES`] the vertices have.
     has: [bool; 6],
+    /// Whether positions are in f32.
+    single: bool,
 }
 
 fn contents(bytes: &[u8]) -> Result<Contents, MeshError> {
@@ -71,6 +73,9 @@ fn contents(bytes: &[u8]) -> Result<Contents, MeshError> {
         match definition.name.as_str() {
             "vertex" => {
                 contents.has = NAMES.map(|name| definition.properties.contains_key(name));
+                let positions = NAMES[..3].iter().filter_map(|name| definition.properties.get(&(*name).to_owned()));
+                let float = PropertyType::Scalar(ScalarType::Float);
+                contents.single = positions.into_iter().any(|property| property.data_type == float);
                 contents.vertices = read;
             }
             "face" => contents.faces = read,
@@ -85,7 +90,7 @@ fn contents(bytes: &[u8]) -> Result<Contents, MeshError> {
 
 /// The faces of a PLY; polygons are cut into fans.
 pub fn mesh(bytes: &[u8]) -> Result<TriangleMesh, MeshError> {
-    let Contents { vertices, faces, has } = contents(bytes)?;
+    let Contents { vertices, faces, has, single } = contents(bytes)?;
     if !has[..3].iter().all(|has| *has) {
         return Err(MeshError::new("its vertices lack x, y or z"));
     }
@@ -96,10 +101,15 @@ pub fn mesh(bytes: &[u8]) -> Result<TriangleMesh, MeshError> {
         let corners = &face.corners;
         (2..corners.len()).map(|n| [corners[0], corners[n - 1], corners[n]]).collect()
     };
-    Ok(TriangleMesh {
+    let mut mesh = TriangleMesh {
         vertices: vertices.iter().map(|v| [v.values[0], v.values[1], v.values[2]]).collect(),
         triangles: faces.iter().flat_map(fan).collect(),
-    })
+        ..TriangleMesh::default()
+    };
+    if single {
+        mesh.resolution = mesh.largest().map(f32_spacing);
+    }
+    Ok(mesh)
 }
 
 /// One vector per vertex.

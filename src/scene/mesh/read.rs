@@ -2,7 +2,7 @@
 
 use std::io::Cursor;
 
-use super::triangles::{MeshError, TriangleMesh};
+use super::triangles::{MeshError, TriangleMesh, f32_spacing};
 use super::{gltf, ply};
 
 /// Most triangles that a mesh may have.
@@ -88,6 +88,7 @@ fn stl(bytes: &[u8]) -> Result<TriangleMesh, MeshError> {
         mesh.vertices.extend(triangle.map_err(broken)?.vertices.map(|v| v.0.map(f64::from)));
         mesh.triangles.push([first, first + 1, first + 2]);
     }
+    mesh.resolution = mesh.largest().map(f32_spacing);
     Ok(mesh)
 }
 

@@ -5,13 +5,13 @@ use super::*;
 use crate::schema::Fill;
 
 /// The cube from 0 to 1, facing outwards.
-fn cube() -> TriangleMesh {
+pub(super) fn cube() -> TriangleMesh {
     heightfield::solid(&[0.0; 2], &[1.0; 2], 0.0, &[vec![1.0; 2], vec![1.0; 2]]).unwrap()
 }
 
 /// A ball of radius 1 about the origin, of `n` bands.
-fn ball(n: usize) -> TriangleMesh {
-    let mut mesh = TriangleMesh { vertices: vec![[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]], triangles: Vec::new() };
+pub(super) fn ball(n: usize) -> TriangleMesh {
+    let mut mesh = TriangleMesh { vertices: vec![[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]], ..TriangleMesh::default() };
     let pi = std::f64::consts::PI;
     for band in 1..n {
         let (sin, cos) = (pi * band as f64 / n as f64).sin_cos();
@@ -30,6 +30,16 @@ fn ball(n: usize) -> TriangleMesh {
         }
     }
     mesh
+}
+
+/// The volume that a mesh encloses, as its faces are.
+pub(super) fn volume(mesh: &TriangleMesh) -> f64 {
+    mesh.volume_of(0..mesh.triangles.len() as u32, mesh.vertices[0])
+}
+
+/// Open edges, and all.
+fn open(mesh: &TriangleMesh) -> (usize, usize) {
+    mend(mesh.clone()).unwrap().open
 }
 
 fn binary_stl(mesh: &TriangleMesh) -> Vec<u8> {
@@ -117,8 +127,8 @@ fn every_format_gives_the_same_closed_cube() {
     ] {
         let mesh = read(&bytes).unwrap_or_else(|error| panic!("{name}: {error:?}"));
         assert_eq!((mesh.vertices.len(), mesh.triangles.len()), (8, 12), "{name}");
-        assert_eq!(mesh.open_edges(), (0, 18), "{name}");
-        assert!((mesh.volume() - 1.0).abs() < 1e-6, "{name}: volume {}", mesh.volume());
+        assert_eq!(open(&mesh), (0, 18), "{name}");
+        assert!((volume(&mesh) - 1.0).abs() < 1e-6, "{name}: volume {}", volume(&mesh));
         assert_eq!(mesh.bounds(), [[0.0; 3], [1.0; 3]], "{name}");
     }
 }
@@ -166,20 +176,17 @@ fn nearly_equal_vertices_are_one() {
             loose.vertices.push(mesh.vertices[*v as usize].map(|x| x + shift));
         }
     }
-    assert_eq!(loose.open_edges().0, 36);
     loose.weld();
-    assert_eq!((loose.vertices.len(), loose.open_edges()), (8, (0, 18)));
+    assert_eq!((loose.vertices.len(), open(&loose)), (8, (0, 18)));
     mesh.triangles.pop();
-    assert_eq!(mesh.open_edges(), (3, 18));
-    mesh.triangles[0].swap(0, 1);
-    assert!(mesh.open_edges().0 > 3);
+    assert_eq!(open(&mesh), (3, 18));
 }
 
 #[test]
 fn a_ball_has_the_distances_of_a_ball() {
     let mesh = ball(48);
-    assert_eq!(mesh.open_edges().0, 0);
-    assert!(mesh.volume() > 4.1);
+    assert_eq!(open(&mesh).0, 0);
+    assert!(volume(&mesh) > 4.1);
     let field = Plan::new(&mesh, 0.05, 3).sample(&mesh, Fill::Watertight);
     for k in 0..5000 {
         let x: [f64; 3] = std::array::from_fn(|a| f64::from((k * [37, 91, 53][a]) % 401) / 160.0 - 1.25);
@@ -202,7 +209,7 @@ fn winding_numbers_close_holes() {
     let mut mesh = cube();
     mesh.triangles.retain(|t| !t.iter().all(|v| mesh.vertices[*v as usize][2] == 1.0));
     assert_eq!(mesh.triangles.len(), 10);
-    assert_eq!(mesh.open_edges().0, 4);
+    assert_eq!(open(&mesh).0, 4);
     let field = Plan::new(&mesh, 0.0625, 3).sample(&mesh, Fill::WindingNumber);
     let inside = |x: [f64; 3]| field.distance(x) < 0.0;
     assert!(inside([0.5, 0.5, 0.5]) && inside([0.1, 0.9, 0.9]) && inside([0.5, 0.5, 0.7]));
@@ -222,17 +229,56 @@ fn a_heightfield_is_closed_and_has_its_volume() {
     let heights: Vec<Vec<f64>> =
         (0..5).map(|j| (0..7).map(|i| 1.0 + 0.2 * f64::from(i) - 0.1 * f64::from(j)).collect()).collect();
     let mesh = heightfield::solid(&[-1.0, 2.0], &[2.0, 3.0], 0.5, &heights).unwrap();
-    assert_eq!(mesh.open_edges().0, 0);
+    assert_eq!(open(&mesh).0, 0);
     // A plane: its mean height is that of the middle.
     let mean = 1.0 + 0.2 * 3.0 - 0.1 * 2.0;
-    assert!((mesh.volume() - 3.0 * (mean - 0.5)).abs() < 1e-12, "{}", mesh.volume());
+    assert!((volume(&mesh) - 3.0 * (mean - 0.5)).abs() < 1e-12, "{}", volume(&mesh));
     let section = heightfield::section(&[-1.0], &[2.0], 0.5, &[vec![1.0, 2.0]]).unwrap();
-    assert_eq!(section.open_edges().0, 0);
-    assert!(section.volume() > 0.0);
+    assert_eq!(open(&section).0, 0);
+    assert!(volume(&section) > 0.0);
     let field = Plan::new(&section, 0.1, 2).sample(&section, Fill::Watertight);
     assert_eq!(field.size[2], 1);
     for (x, y, expected) in [(0.5, 0.6, -0.1), (0.5, 0.3, 0.2), (-1.2, 0.7, 0.2), (0.5, 1.5, 0.0)] {
         let d = field.distance([x, y, 0.0]);
         assert!((d - expected).abs() < 1e-3, "{d} at {x} {y}, {expected} expected");
     }
+}
+
+#[test]
+fn the_filled_volume_is_that_of_the_body() {
+    for (mesh, spacing) in [(cube(), 0.07), (ball(48), 0.05)] {
+        let exact = volume(&mesh);
+        let filled = filled_volume(&Plan::new(&mesh, spacing, 3).sample(&mesh, Fill::Watertight));
+        assert!((filled / exact - 1.0).abs() < 1e-2, "{filled} m³, {exact} expected");
+    }
+    // A sheet far thinner than the lattice is hardly there.
+    let mut sheet = cube();
+    sheet.vertices.iter_mut().for_each(|v| v[2] = 0.003 * v[2] + 0.4321);
+    let filled = filled_volume(&Plan::new(&sheet, 0.07, 3).sample(&sheet, Fill::Watertight));
+    assert!(!(0.5 * 0.003..2.0 * 0.003).contains(&filled), "{filled}");
+}
+
+#[test]
+fn numbers_of_a_file_have_a_resolution() {
+    let moved = |by: f64| {
+        let mut mesh = cube();
+        mesh.vertices.iter_mut().for_each(|v| v[1] += by);
+        mesh
+    };
+    let near = read(&binary_stl(&moved(0.0))).unwrap();
+    assert!(near.rounding() < 1e-6, "{}", near.rounding());
+    // 2^19 m: f32 has steps of 1/16 m.
+    for bytes in [binary_stl(&moved(524_288.0)), ascii_stl(&moved(524_288.0))] {
+        let far = read(&bytes).unwrap();
+        assert_eq!(far.resolution[1], 0.0625);
+        assert!((far.rounding() - 0.0625).abs() < 1e-3, "{}", far.rounding());
+    }
+    assert_eq!(read(&obj(&moved(524_288.0))).unwrap().rounding(), 0.0);
+    let doubles = String::from_utf8(ply(&moved(524_288.0))).unwrap().replace("float", "double");
+    assert_eq!(read(doubles.as_bytes()).unwrap().rounding(), 0.0);
+    assert!(read(&ply(&moved(524_288.0))).unwrap().rounding() > 0.06);
+    // Up is y in glTF, and z here; the numbers are those before the node's translation.
+    let mut high = cube();
+    high.vertices.iter_mut().for_each(|v| v[2] += 524_288.0);
+    assert!(read(&gltf(&high)).unwrap().resolution[2] > 0.03);
 }

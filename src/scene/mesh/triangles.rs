@@ -8,6 +8,8 @@ pub struct TriangleMesh {
     pub vertices: Vec<[f64; 3]>,
     /// Vertex indices, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
+    /// The distance between neighbouring numbers of the file's format where the vertices are (m).
+    pub resolution: [f64; 3],
 }
 
 /// Vertices closer than this fraction of the mesh's extent are merged.
@@ -24,6 +26,12 @@ impl TriangleMesh {
             }
         }
         bounds
+    }
+
+    /// The largest coordinate on each axis, without its sign (m).
+    pub fn largest(&self) -> [f64; 3] {
+        let [lower, upper] = self.bounds();
+        std::array::from_fn(|a| lower[a].abs().max(upper[a].abs()))
     }
 
     /// Merges vertices that lie together, which formats without shared vertices need. Triangles
@@ -59,35 +67,61 @@ impl TriangleMesh {
         let vertices = &self.vertices;
         let numbered = self.triangles.iter().map(|t| t.map(|v| number(&vertices[v as usize])));
         let triangles: Vec<[u32; 3]> = numbered.filter(|t| t[0] != t[1] && t[1] != t[2] && t[2] != t[0]).collect();
-        *self = Self { vertices: kept, triangles };
+        (self.vertices, self.triangles) = (kept, triangles);
     }
 
-    /// The number of open edges, which the adjacent triangles do not traverse once in each
-    /// direction, and the number of all edges.
-    pub fn open_edges(&self) -> (usize, usize) {
-        let mut edges: HashMap<[u32; 2], i32> = HashMap::new();
-        for t in &self.triangles {
-            for (from, to) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
-                *edges.entry([from.min(to), from.max(to)]).or_default() += if from < to { 1 } else { -1 };
-            }
-        }
-        (edges.values().filter(|&&n| n != 0).count(), edges.len())
+    /// The corners of triangle `n`.
+    pub fn corners(&self, n: usize) -> [[f64; 3]; 3] {
+        self.triangles[n].map(|v| self.vertices[v as usize])
     }
 
-    /// Enclosed volume (divergence theorem); negative when the triangles face inwards.
-    pub fn volume(&self) -> f64 {
-        let origin = self.vertices.first().copied().unwrap_or_default();
-        let part = |t: &[u32; 3]| {
-            let [a, b, c] = t.map(|v| sub(self.vertices[v as usize], origin));
+    /// The middle of triangle `n`.
+    pub fn middle(&self, n: usize) -> [f64; 3] {
+        let corners = self.corners(n);
+        std::array::from_fn(|a| corners.iter().map(|v| v[a]).sum::<f64>() / 3.0)
+    }
+
+    /// The outward normal of triangle `n`, as long as its area (m²).
+    pub fn normal(&self, n: usize) -> [f64; 3] {
+        let [a, b, c] = self.corners(n);
+        cross(sub(b, a), sub(c, a)).map(|x| 0.5 * x)
+    }
+
+    /// Area of triangle `n` (m²).
+    pub fn area(&self, n: usize) -> f64 {
+        let normal = self.normal(n);
+        dot(normal, normal).sqrt()
+    }
+
+    /// Volume of the cones from `origin` to the given triangles (m³): what they enclose if they are
+    /// closed (divergence theorem); negative when they face inwards.
+    pub fn volume_of(&self, triangles: impl IntoIterator<Item = u32>, origin: [f64; 3]) -> f64 {
+        let cone = |n: u32| {
+            let [a, b, c] = self.corners(n as usize).map(|v| sub(v, origin));
             dot(a, cross(b, c)) / 6.0
         };
-        self.triangles.iter().map(part).sum()
+        triangles.into_iter().map(cone).sum()
     }
 
-    /// Reverses all triangles.
-    pub fn flip(&mut self) {
-        self.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    /// The most by which rounding in the file may have changed the volume (m³): all faces move by
+    /// half of the resolution.
+    pub fn rounding(&self) -> f64 {
+        let normals = (0..self.triangles.len()).map(|n| self.normal(n));
+        let area = normals.fold([0.0; 3], |sum: [f64; 3], n| std::array::from_fn(|a| sum[a] + n[a].abs()));
+        0.5 * dot(area, self.resolution)
     }
+
+    /// Volume of the box around all vertices (m³).
+    pub fn box_volume(&self) -> f64 {
+        let [lower, upper] = self.bounds();
+        (0..3).map(|a| (upper[a] - lower[a]).max(0.0)).product()
+    }
+}
+
+/// The distance between neighbouring numbers in f32 near `x`.
+pub fn f32_spacing(x: f64) -> f64 {
+    let x = x.abs() as f32;
+    f64::from(x.next_up()) - f64::from(x)
 }
 
 pub fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {

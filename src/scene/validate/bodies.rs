@@ -6,10 +6,11 @@ use crate::memory::{HOST_BYTES_PER_PARTICLE, memory_bytes};
 use crate::sampling::{Lattice, poisson};
 use crate::schema::{Body, Sampling, Shape};
 use crate::validate::check::Check;
+use crate::validate::plausible::{SPEED, VOLUME_RATIO};
 use crate::validate::points::check_points;
 use crate::validate::shape::check_shape;
 use crate::validate::sources::check_source;
-use crate::vectors::{determinant, matrix3, vector3};
+use crate::vectors::{determinant, length, matrix3, vector3};
 
 /// Most lattice points in the bounds of one body; the limits on its particles are far lower.
 const MAX_CANDIDATES: f64 = 1e15;
@@ -96,13 +97,19 @@ fn check_body(check: &mut Check, at: &str, body: &Body) -> Option<u64> {
 
 fn check_initial_state(check: &mut Check, at: &str, body: &Body) {
     if let Some(velocity) = &body.velocity {
-        check.vector(&join(at, "velocity"), velocity);
+        let at = join(at, "velocity");
+        check.vector(&at, velocity);
+        check.plausible_length(&at, velocity, &SPEED);
     }
     if let Some(spin) = &body.angular_velocity {
-        check.angular(&join(at, "angular_velocity"), spin);
+        let at = join(at, "angular_velocity");
+        check.angular(&at, spin);
+        check.plausible_rate(&at, length(spin), 0.0);
     }
     if let Some(gradient) = &body.velocity_gradient {
-        check.matrix(&join(at, "velocity_gradient"), gradient);
+        let at = join(at, "velocity_gradient");
+        check.matrix(&at, gradient);
+        check.plausible_rate(&at, length(&gradient.concat()), 0.0);
     }
     if let Some(f) = &body.deformation_gradient {
         let at = join(at, "deformation_gradient");
@@ -113,10 +120,12 @@ fn check_initial_state(check: &mut Check, at: &str, body: &Body) {
                 let reason = format!("its determinant is {determinant}, which turns the body inside out");
                 check.fault(&at, "not_positive", reason, "write a matrix with a positive determinant");
             }
+            check.plausible(&at, determinant, &VOLUME_RATIO);
         }
     }
     if let Some(j) = body.j {
         check.positive(&join(at, "J"), j, "the volume ratio");
+        check.plausible(&join(at, "J"), j, &VOLUME_RATIO);
         if body.deformation_gradient.is_some() {
             let reason = "`J` is given beside `deformation_gradient`";
             check.fault(&join(at, "J"), "conflicting_fields", reason, "keep one of them");

@@ -7,10 +7,12 @@ use gridfall_core::sim::collider::Sdf;
 
 use crate::fault::{Faults, join};
 use crate::limits::Limits;
+use crate::names::hidden;
 use crate::resolve::Resolved;
 use crate::schema::{ContactKind, Scene, Shape};
 use crate::shape;
 use crate::suggest::{closest, list, quote};
+use crate::validate::plausible::{LARGEST, SMALLEST};
 
 /// The validation of a scene in progress.
 pub struct Check<'a> {
@@ -43,19 +45,37 @@ impl Check<'_> {
         } else if name.chars().count() > 200 {
             self.fault(at, "too_long", "the name is longer than 200 characters", "shorten it");
         }
+        self.legible(at, name);
     }
 
-    /// Checks that a number is finite, and returns whether it is.
+    /// Checks that a text has no characters that change how the text around them is shown.
+    pub fn legible(&mut self, at: &str, text: &str) {
+        if let Some(code) = hidden(text) {
+            let reason = format!("has the character {code}, which controls terminals, lines or the direction of text");
+            self.fault(at, "hidden_character", reason, "take it out");
+        }
+    }
+
+    /// Checks that a number is finite and not absurdly large, and returns whether it is.
     pub fn finite(&mut self, at: &str, value: f64) -> bool {
         if !value.is_finite() {
             self.fault(at, "not_finite", format!("is {value}"), "write a finite number");
+        } else if value.abs() > LARGEST {
+            let remedy = format!("write a number up to {LARGEST:e}; scenes are in SI units (m, kg, s)");
+            self.fault(at, "implausible", format!("{value:e} is larger than any quantity here can be"), remedy);
         }
-        value.is_finite()
+        value.abs() <= LARGEST
     }
 
     pub fn positive(&mut self, at: &str, value: f64, what: &str) {
-        if self.finite(at, value) && value <= 0.0 {
+        if !self.finite(at, value) {
+            return;
+        }
+        if value <= 0.0 {
             self.fault(at, "not_positive", format!("{what} is {value}"), "write a number above 0");
+        } else if value < SMALLEST {
+            let remedy = format!("write a number from {SMALLEST:e}; scenes are in SI units (m, kg, s)");
+            self.fault(at, "implausible", format!("{what} is {value:e}, smaller than it can be"), remedy);
         }
     }
 

@@ -5,6 +5,7 @@ use crate::grid::cells;
 use crate::schema::{Boundary, Domain};
 use crate::suggest::{list, quote};
 use crate::validate::check::Check;
+use crate::validate::plausible::{PLACE, SPACING};
 
 /// Most cells along one axis.
 const MAX_CELLS: f64 = 65_536.0;
@@ -13,7 +14,11 @@ const MAX_CELLS: f64 = 65_536.0;
 pub fn check_domain(check: &mut Check, domain: &Domain) {
     check.vector("/domain/min", &domain.min);
     check.vector("/domain/max", &domain.max);
+    for (at, corner) in [("/domain/min", &domain.min), ("/domain/max", &domain.max)] {
+        check.plausible_length(at, corner, &PLACE);
+    }
     check.positive("/domain/dx", domain.dx, "the grid spacing");
+    check.plausible("/domain/dx", domain.dx, &SPACING);
     if check.has_grid() {
         let n = cells(domain, check.dimension);
         for a in 0..check.dimension {

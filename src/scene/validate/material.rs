@@ -1,10 +1,12 @@
 //! Meaning of material parameters: signs and ranges.
 
 use gridfall_core::material::parameters::Elastic;
+use gridfall_core::sim::timestep::moduli;
 
 use crate::fault::join;
 use crate::schema::Material;
 use crate::validate::check::Check;
+use crate::validate::plausible::{DENSITY, EXPONENT, WAVE};
 
 /// Judges the parameters of a material.
 pub fn check_material(check: &mut Check, at: &str, material: &Material) {
@@ -22,6 +24,7 @@ pub fn check_material(check: &mut Check, at: &str, material: &Material) {
                 let reason = format!("the exponent is {}", fluid.gamma);
                 check.fault(&field("gamma"), "out_of_range", reason, "write a number above 1; 7.15 is water's");
             }
+            check.plausible(&field("gamma"), fluid.gamma, &EXPONENT);
         }
         Material::DruckerPrager(sand) => {
             let angles = (sand.friction_angle_degrees, sand.dilatancy_angle_degrees);
@@ -47,6 +50,12 @@ pub fn check_material(check: &mut Check, at: &str, material: &Material) {
             check.not_negative(&field("critical_stretch"), snow.critical_stretch, "the critical stretch");
             check.not_negative(&field("hardening"), snow.hardening, "the hardening");
         }
+    }
+    check.plausible(&field("density"), material.density(), &DENSITY);
+    if check.faults.clean(at) {
+        let (lambda, mu, _) = moduli(material);
+        let stiffness = if material.is_fluid() { "bulk_modulus" } else { "youngs_modulus" };
+        check.plausible(&field(stiffness), ((lambda + 2.0 * mu) / material.density()).sqrt(), &WAVE);
     }
 }
 

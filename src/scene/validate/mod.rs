@@ -6,6 +6,7 @@ mod check;
 mod domain;
 mod material;
 mod motion;
+mod plausible;
 mod points;
 mod shape;
 mod solver;
@@ -20,6 +21,7 @@ use check::Check;
 use domain::check_domain;
 use material::check_material;
 use motion::check_colliders;
+use plausible::{END, GRAVITY};
 use solver::check_solver;
 
 /// Most frames of one run.
@@ -43,12 +45,18 @@ pub(crate) fn check(scene: &Scene, resolved: &Resolved, limits: &Limits, faults:
     }
     let check = &mut Check { scene, resolved, dimension: scene.dimension as usize, limits, faults };
     check.name("/name", &scene.name);
+    if let Some(text) = &scene.description {
+        check.legible("/description", &text.replace(['\n', '\r', '\t'], " "));
+    }
     if let Some(gravity) = &scene.gravity {
         check.vector("/gravity", gravity);
+        check.plausible_length("/gravity", gravity, &GRAVITY);
     }
     check_domain(check, &scene.domain);
     for (name, material) in &scene.materials {
-        check_material(check, &join("/materials", name), material);
+        let at = join("/materials", name);
+        check.name(&at, name);
+        check_material(check, &at, material);
     }
     check_time(check, &scene.time);
     check_bodies(check);
@@ -59,6 +67,7 @@ pub(crate) fn check(scene: &Scene, resolved: &Resolved, limits: &Limits, faults:
 
 fn check_time(check: &mut Check, time: &Time) {
     check.positive("/time/end", time.end, "the end");
+    check.plausible("/time/end", time.end, &END);
     check.positive("/time/frame_rate", time.frame_rate, "the frame rate");
     if !check.faults.clean("/time") {
         return;

@@ -5,7 +5,9 @@ use gridfall_core::sim::reaction::{WALLS, wall_name};
 use crate::fault::join;
 use crate::schema::{Keyframe, Motion, Shape};
 use crate::validate::check::Check;
+use crate::validate::plausible::{PLACE, SPEED};
 use crate::validate::shape::{check_shape, direction};
+use crate::vectors::length;
 
 /// Judges all colliders and the grips of all bodies, which become colliders as well.
 pub fn check_colliders(check: &mut Check) {
@@ -60,13 +62,19 @@ fn motion(check: &mut Check, at: &str, motion: Option<&Motion>, shape: &Shape) {
     let shape_at = join(at, "shape");
     let at = join(at, "motion");
     if let Some(velocity) = &motion.linear_velocity {
-        check.vector(&join(&at, "linear_velocity"), velocity);
+        let at = join(&at, "linear_velocity");
+        check.vector(&at, velocity);
+        check.plausible_length(&at, velocity, &SPEED);
     }
     if let Some(center) = &motion.center {
-        check.vector(&join(&at, "center"), center);
+        let at = join(&at, "center");
+        check.vector(&at, center);
+        check.plausible_length(&at, center, &PLACE);
     }
     if let Some(spin) = &motion.angular_velocity {
-        check.angular(&join(&at, "angular_velocity"), spin);
+        let at = join(&at, "angular_velocity");
+        check.angular(&at, spin);
+        check.plausible_rate(&at, length(spin), arm(motion));
     }
     keyframes(check, &at, motion);
     let spins = motion.angular_velocity.iter().flatten().any(|w| *w != 0.0);
@@ -112,8 +120,26 @@ fn keyframes(check: &mut Check, at: &str, motion: &Motion) {
         if n > 0 && key.time <= before && times.iter().all(|at| check.faults.clean(at)) {
             let reason = format!("{} s does not come after the keyframe at {before} s", key.time);
             check.fault(&times[1], "not_rising", reason, "put the keyframes in order of time");
+        } else if n > 0 {
+            keyframe_speed(check, &join(&at_keys, n), [&motion.keyframes[n - 1], key], arm(motion));
         }
     }
+}
+
+/// How far the centre of rotation may be from the domain (m).
+fn arm(motion: &Motion) -> f64 {
+    motion.center.as_deref().map_or(0.0, length)
+}
+
+/// Judges the speed on the way to the second keyframe, which is at `at`.
+fn keyframe_speed(check: &mut Check, at: &str, keys: [&Keyframe; 2], arm: f64) {
+    let time = keys[1].time - keys[0].time;
+    let offset =
+        |key: &Keyframe, a: usize| key.offset.as_ref().and_then(|offset| offset.get(a)).copied().unwrap_or(0.0);
+    let way = [0, 1, 2].map(|a| offset(keys[1], a) - offset(keys[0], a));
+    let turn = (keys[1].angle_degrees - keys[0].angle_degrees).abs().to_radians();
+    check.plausible(&join(at, "time"), length(&way) / time, &SPEED);
+    check.plausible_rate(&join(at, "time"), turn / time, arm);
 }
 
 fn keyframe(check: &mut Check, at: &str, key: &Keyframe) {

@@ -4,7 +4,8 @@ use crate::fault::join;
 use crate::grid::periodic;
 use crate::schema::{Body, Points};
 use crate::validate::check::Check;
-use crate::vectors::{determinant, vector3};
+use crate::validate::plausible::{SPEED, VOLUME_RATIO};
+use crate::vectors::{determinant, length, vector3};
 
 /// Judges the particles of the body at `at`. Returns their number if it is known.
 pub fn check_points(check: &mut Check, at: &str, body: &Body, points: &Points) -> Option<u64> {
@@ -28,7 +29,12 @@ pub fn check_points(check: &mut Check, at: &str, body: &Body, points: &Points) -
             let reason = format!("the determinant of `F` of point {n} is {}", determinant(&f[n]));
             check.fault(&at_points, "not_positive", reason, "write matrices with positive determinants");
         }
+        let extreme = |wanted: fn(f64, f64) -> f64, first: f64| f.iter().map(determinant).fold(first, wanted);
+        check.plausible(&at_points, extreme(f64::min, 1.0), &VOLUME_RATIO);
+        check.plausible(&at_points, extreme(f64::max, 1.0), &VOLUME_RATIO);
     }
+    let fastest = read.v.iter().flatten().map(|v| length(v)).fold(0.0, f64::max);
+    check.plausible(&at_points, fastest, &SPEED);
     if !check.has_grid() {
         return None;
     }

@@ -8,6 +8,7 @@ use crate::grid::{even_per_axis, frames, particles_per_cell, periodic, stream};
 use crate::schema::{self, Sampling};
 use crate::validate::check::Check;
 use crate::validate::motion::interval;
+use crate::validate::plausible::SPEED;
 use crate::validate::shape::check_shape;
 use crate::vectors::vector3;
 
@@ -20,6 +21,7 @@ pub fn check_source(check: &mut Check, at: &str, source: &schema::Source, most: 
     check.known_material(at, &source.material);
     let velocity_at = join(at, "velocity");
     check.vector(&velocity_at, &source.velocity);
+    check.plausible_length(&velocity_at, &source.velocity, &SPEED);
     if check.faults.clean(&velocity_at) && source.velocity.iter().all(|v| *v == 0.0) {
         check.fault(
             &velocity_at,

@@ -10,6 +10,7 @@ use uuid::Uuid;
 
 use super::problem::Code;
 use crate::store::{self, Status};
+use gridfall_core::sim::notice;
 use gridfall_engine as engine;
 use gridfall_scene as scene;
 
@@ -54,6 +55,8 @@ pub struct Job {
     pub integrator: String,
     /// Why, in a sentence.
     pub integrator_reason: String,
+    /// What was mended in the scene, and what may not be what was meant.
+    pub notices: Vec<Notice>,
     /// What the attempt runs on; null before it has started.
     #[schema(required)]
     pub backend: Option<Backend>,
@@ -198,6 +201,8 @@ pub struct Diagnostics {
 #[derive(Debug, Serialize, ToSchema)]
 pub struct ValidScene {
     pub valid: bool,
+    /// What was mended in it, and what may not be what was meant.
+    pub notices: Vec<Notice>,
     pub estimate: Estimate,
 }
 
@@ -362,6 +367,26 @@ pub struct Fault {
     pub remedy: String,
 }
 
+/// What a user should know of a scene that is run all the same.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Notice {
+    /// JSON pointer (RFC 6901) into the scene.
+    pub pointer: String,
+    /// Stable, for programs.
+    pub code: String,
+    /// What was found, and what was made of it.
+    pub reason: String,
+    /// What to change if that is not what was meant.
+    pub remedy: String,
+}
+
+impl From<notice::Notice> for Notice {
+    fn from(notice: notice::Notice) -> Self {
+        let notice::Notice { pointer, code, reason, remedy } = notice;
+        Self { pointer, code, reason, remedy }
+    }
+}
+
 impl From<scene::Fault> for Fault {
     fn from(fault: scene::Fault) -> Self {
         Self { pointer: fault.pointer, code: fault.code.to_string(), reason: fault.reason, remedy: fault.remedy }
@@ -385,6 +410,7 @@ impl From<store::Job> for Job {
             progress,
             integrator: job.integrator,
             integrator_reason: job.integrator_reason,
+            notices: job.notices.into_iter().map(Notice::from).collect(),
             backend: job.backend.map(Into::into),
             failure: job.failure.map(|failure| Failure { code: failure.code, message: failure.message }),
         }

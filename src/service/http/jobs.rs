@@ -14,6 +14,7 @@ use super::range::{entity_tag_matches, not_modified};
 use super::scenes::judge;
 use super::state::Api;
 use crate::store::{Deletion, NewJob, Status, Submission};
+use gridfall_scene::hidden;
 
 const MAX_NAME_CHARS: usize = 200;
 const IDEMPOTENCY_KEY: &str = "idempotency-key";
@@ -50,6 +51,7 @@ pub async fn submit(
         end_time_s: f64::from(admitted.problem.setup.frames) * admitted.problem.setup.frame_s,
         integrator: admitted.problem.setup.integrator.name().into(),
         integrator_reason: admitted.problem.setup.integrator_reason,
+        notices: admitted.problem.setup.notices,
         idempotency_key,
         request_sha256,
     })
@@ -82,6 +84,10 @@ fn idempotency_key(value: &HeaderValue) -> Result<String, Problem> {
 fn valid_name(name: String) -> Result<String, Problem> {
     if name.trim().is_empty() || name.chars().count() > MAX_NAME_CHARS {
         let detail = format!("/name: a name has 1 to {MAX_NAME_CHARS} characters; leave it out to use the scene's");
+        return Err(Problem::new(Code::InvalidRequest, detail));
+    }
+    if let Some(code) = hidden(&name) {
+        let detail = format!("/name: has the character {code}, which controls terminals, lines or text; take it out");
         return Err(Problem::new(Code::InvalidRequest, detail));
     }
     Ok(name)

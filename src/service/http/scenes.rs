@@ -26,8 +26,12 @@ pub async fn validate(
     State(api): State<Api>,
     JsonBody(request): JsonBody<SubmitJob>,
 ) -> Result<Json<ValidScene>, Problem> {
-    let estimate = judge(&api, request, |admitted| scene::estimate::estimate(&admitted.problem)).await?;
-    Ok(Json(ValidScene { valid: true, estimate: estimate.into() }))
+    let judged = |Admitted { problem, .. }: Admitted| {
+        let estimate = scene::estimate::estimate(&problem).into();
+        let notices = problem.setup.notices.into_iter().map(dto::Notice::from).collect();
+        ValidScene { valid: true, notices, estimate }
+    };
+    Ok(Json(judge(&api, request, judged).await?))
 }
 
 /// Waits for permission to check a scene; only a limited number is checked at a time.

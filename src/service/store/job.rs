@@ -7,6 +7,7 @@ use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
+use gridfall_core::sim::notice::Notice;
 use gridfall_engine::Backend;
 
 /// `queued → running → succeeded | failed | canceled`; a running job goes back to `queued` when its server stops.
@@ -91,6 +92,8 @@ pub struct NewJob {
     /// `explicit` or `implicit`, and why.
     pub integrator: String,
     pub integrator_reason: String,
+    /// What the user should know of the scene.
+    pub notices: Vec<Notice>,
     /// The client's idempotency key, so that a repeated request is accepted once.
     pub idempotency_key: Option<String>,
     /// Hash of the request, to distinguish a repetition from another request under the same key.
@@ -118,6 +121,8 @@ pub struct Job {
     /// `explicit` or `implicit`, and why.
     pub integrator: String,
     pub integrator_reason: String,
+    /// What the user should know of the scene.
+    pub notices: Vec<Notice>,
     pub progress: Progress,
     pub backend: Option<Backend>,
     pub failure: Option<Failure>,

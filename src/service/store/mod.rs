@@ -144,7 +144,8 @@ impl JobStore {
         let id = Uuid::now_v7().to_string();
         sqlx::query(
             "INSERT INTO jobs (id, name, scene, idempotency_key, request_sha256, status, created_at, particles, \
-             frames, end_time_s, integrator, integrator_reason) VALUES (?, ?, ?, ?, ?, 'queued', ?, ?, ?, ?, ?, ?)",
+             frames, end_time_s, integrator, integrator_reason, notices) \
+             VALUES (?, ?, ?, ?, ?, 'queued', ?, ?, ?, ?, ?, ?, ?)",
         )
         .bind(&id)
         .bind(&new.name)
@@ -157,6 +158,7 @@ impl JobStore {
         .bind(new.end_time_s)
         .bind(&new.integrator)
         .bind(&new.integrator_reason)
+        .bind(serde_json::to_string(&new.notices).expect("notices are plain text"))
         .execute(&mut *tx)
         .await?;
         let row: JobRow = sqlx::query_as(select_jobs!("WHERE id = ?")).bind(id).fetch_one(&mut *tx).await?;

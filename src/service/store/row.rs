@@ -14,7 +14,7 @@ macro_rules! select_jobs {
     ($clauses:literal) => {
         concat!(
             "SELECT seq, id, name, status, created_at, started_at, finished_at, attempt, cancel_requested, particles, ",
-            "frames, end_time_s, sim_time_s, step, frames_written, run_s, integrator, integrator_reason, ",
+            "frames, end_time_s, sim_time_s, step, frames_written, run_s, integrator, integrator_reason, notices, ",
             "backend, failure_code, failure_message, ",
             "CASE status WHEN 'queued' THEN (SELECT count(*) FROM jobs AS ahead WHERE ahead.status = 'queued' ",
             "AND ahead.seq <= jobs.seq) END AS queue_position FROM jobs ",
@@ -46,6 +46,7 @@ impl FromRow<'_, SqliteRow> for JobRow {
             end_time_s: row.try_get("end_time_s")?,
             integrator: row.try_get("integrator")?,
             integrator_reason: row.try_get("integrator_reason")?,
+            notices: serde_json::from_str(&row.try_get::<String, _>("notices")?).map_err(decode)?,
             progress: Progress {
                 sim_time_s: row.try_get("sim_time_s")?,
                 step: row.try_get::<i64, _>("step")? as u64,

@@ -17,6 +17,7 @@ fn new_job(name: &str) -> NewJob {
         end_time_s: 0.5,
         integrator: "explicit".into(),
         integrator_reason: "it is a test".into(),
+        notices: Vec::new(),
         idempotency_key: None,
         request_sha256: name.into(),
     }

@@ -50,6 +50,26 @@ fn an_upload_is_kept_by_its_content_and_runs_in_a_job() {
 }
 
 #[test]
+fn what_was_mended_is_said_wherever_a_scene_is_judged() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    // The last face is turned.
+    let bytes = mesh(0.25).replace("f 5 6 8 7", "f 7 8 6 5");
+    let id = server.call("PUT", "/v1/assets", &[], bytes).json()["id"].clone();
+    let request = json!({ "scene": scene(json!({ "mesh": { "asset": id } })) });
+    let judged = server.post_json("/v1/scenes:validate", &request).json();
+    let notice = &judged["notices"][0];
+    assert_eq!(notice["code"], "mended_mesh", "{judged:#}");
+    assert_eq!(notice["pointer"], "/bodies/0/shape/translate/shape/mesh");
+    assert!(notice["reason"].as_str().unwrap().contains("2 of 12 faces were turned"), "{notice:#}");
+    let job = server.submit(request["scene"].clone());
+    let done = server.wait_for(&job, "succeeded");
+    assert_eq!((&done["notices"], done["particles"].as_u64()), (&judged["notices"], Some(512)));
+    let plain = server.submit(support::short());
+    assert_eq!(server.wait_for(&plain, "succeeded")["notices"], json!([]));
+}
+
+#[test]
 fn scenes_may_name_what_was_uploaded_and_nothing_else() {
     let dir = tempfile::tempdir().unwrap();
     let server = Server::start(dir.path());

@@ -73,6 +73,7 @@ fn every_error_is_a_documented_problem() {
         ("POST", "/v1/jobs", &[JSON], "{\"scene\": {}, \"nmae\": 1}", 422, "invalid_request"),
         ("POST", "/v1/jobs", &[JSON], &long_name, 422, "invalid_request"),
         ("POST", "/v1/jobs", &[JSON], "{\"scene\": {}, \"name\": \" \"}", 422, "invalid_request"),
+        ("POST", "/v1/jobs", &[JSON], "{\"scene\": {}, \"name\": \"a\\u202eb\"}", 422, "invalid_request"),
         ("POST", "/v1/jobs", &[JSON, ("idempotency-key", "")], &valid, 400, "invalid_header"),
         ("POST", "/v1/jobs", &[JSON], &large, 413, "body_too_large"),
         ("POST", "/v1/scenes:validate", &[JSON], &large, 413, "body_too_large"),

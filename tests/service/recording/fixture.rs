@@ -218,6 +218,7 @@ pub fn problem(spacing: f64) -> Problem {
         max_dt_s: None,
         integrator: Integrator::Explicit,
         integrator_reason: String::new(),
+        notices: Vec::new(),
         implicit: Implicit::default(),
         frames: 5,
         frame_s: 0.05,

@@ -1,15 +1,18 @@
 //! What a document only refers to: files are read, and the signed distances of shapes without a
 //! closed form are sampled, before a scene is judged as a whole.
 
+mod meshes;
+
 use std::collections::HashMap;
 use std::sync::Arc;
 
 use gridfall_core::sim::collider::DistanceField;
+use gridfall_core::sim::notice::Notice;
 
 use crate::assets::{Assets, Refusal, Source};
 use crate::fault::{Faults, join};
 use crate::limits::Limits;
-use crate::mesh::{self, MAX_SAMPLES, Plan, TriangleMesh, heightfield};
+use crate::mesh::{MAX_SAMPLES, Mended, Plan, TriangleMesh, heightfield};
 use crate::points;
 use crate::schema::{Fill, Points, Scene, Shape};
 use crate::shape::Fields;
@@ -25,6 +28,8 @@ pub(crate) struct Resolved {
     pub fields: Fields,
     /// Particles of bodies, by the pointer of their `points`.
     pub points: HashMap<String, points::Points>,
+    /// What was mended, and what may not be what the user meant.
+    pub notices: Vec<Notice>,
 }
 
 /// Reads every file of a scene and samples every heightfield and mesh. What fails for reasons that
@@ -73,8 +78,8 @@ struct Resolver<'a> {
     faults: &'a mut Faults,
     /// Memory left for samples (bytes).
     memory_bytes: u64,
-    /// Meshes read so far; none where the file is at fault.
-    meshes: HashMap<FileKey, Option<Arc<TriangleMesh>>>,
+    /// Meshes read and mended so far; none where the file is at fault.
+    meshes: HashMap<FileKey, Option<Arc<Mended>>>,
     /// Fields of meshes sampled so far, by file, filling and spacing (as bits).
     sampled: HashMap<(FileKey, Fill, u64), Arc<DistanceField>>,
     resolved: Resolved,
@@ -123,44 +128,6 @@ impl Resolver<'_> {
         }
     }
 
-    fn mesh(&mut self, source: Source, fill: Fill, spacing: f64, at: &str) -> Option<Arc<DistanceField>> {
-        let file = source.key();
-        let key = (file.clone(), fill, spacing.to_bits());
-        if let Some(field) = self.sampled.get(&key) {
-            return Some(field.clone());
-        }
-        let mesh = match self.meshes.get(&file) {
-            Some(mesh) => mesh.clone(),
-            None => self.read_mesh(source, at),
-        };
-        self.meshes.insert(file, mesh.clone());
-        let Some(mut mesh) = mesh else {
-            // The fault is that of the first shape that names the file.
-            self.faults.spoil(at);
-            return None;
-        };
-        if fill == Fill::Watertight {
-            let (open, edges) = mesh.open_edges();
-            if open > 0 {
-                let reason = format!(
-                    "the mesh is not closed: {open} of its {edges} edges are open, \
-                     or have faces that disagree about the outside"
-                );
-                let remedy = "close its holes (in Blender: Select Non Manifold, then Fill), \
-                              or add \"fill\": \"winding-number\" to have them closed";
-                self.faults.add(at, "not_watertight", reason, remedy);
-                return None;
-            }
-        }
-        // Some programs write closed meshes inside out.
-        if mesh.volume() < 0.0 {
-            Arc::make_mut(&mut mesh).flip();
-        }
-        let field = self.sample(&mesh, fill, spacing, at)?;
-        self.sampled.insert(key, field.clone());
-        Some(field)
-    }
-
     fn points(&mut self, points: &Points, at: String) {
         let Some(source) = Source::of(&points.asset, &points.file) else { return };
         let Some(bytes) = self.bytes(source, &at) else { return };
@@ -179,19 +146,6 @@ impl Resolver<'_> {
             self.faults.add(&join(at, source.field()), refusal.code, refusal.reason, refusal.remedy);
         };
         self.assets.read(source).map_err(refused).ok()
-    }
-
-    fn read_mesh(&mut self, source: Source, at: &str) -> Option<Arc<TriangleMesh>> {
-        let bytes = self.bytes(source, at)?;
-        match mesh::read(&bytes) {
-            Ok(mesh) => Some(Arc::new(mesh)),
-            Err(error) => {
-                let reason = format!("the mesh cannot be used: {}", error.0);
-                let remedy = "export it anew as STL, OBJ, PLY or glTF, with triangles";
-                self.faults.add(&join(at, source.field()), "bad_mesh", reason, remedy);
-                None
-            }
-        }
     }
 
     fn sample(&mut self, mesh: &TriangleMesh, fill: Fill, spacing: f64, at: &str) -> Option<Arc<DistanceField>> {
