@@ -5,6 +5,7 @@ use gridfall_core::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, Sdf
 use gridfall_core::sim::particles::IDENTITY;
 use gridfall_core::sim::setup::{Axis, Contact, Problem};
 use gridfall_engine::explicit::cpu::{CpuEngine, NodeState, stages};
+use gridfall_engine::implicit::ImplicitEngine;
 use gridfall_engine::{Engine, EngineError, NoControl};
 use gridfall_scene::schema::{ContactKind, Kernel};
 
@@ -220,6 +221,21 @@ fn colliders_act_in_two_dimensions_and_in_single_precision() {
     let lowest = p.x.iter().map(|x| x[1]).fold(f64::MAX, f64::min);
     println!("lowest particle {lowest:.4} m, floor {:.4} m", 10.0 * DX);
     assert!(lowest > 9.3 * DX && centre(&p, 0..p.len())[1] < 15.0 * DX);
+}
+
+#[test]
+fn speeds_beyond_all_bounds_are_errors_that_name_the_particle() {
+    for speed in [1e16, 1e30, 1e200, f64::INFINITY] {
+        let mut problem = block_on_floor(Kernel::Quadratic, contact(ContactKind::Slip, 0.0));
+        problem.particles.v[7] = [0.0, 0.0, speed];
+        let explicit = CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
+        let implicit = ImplicitEngine::new(&problem.setup, problem.particles.clone()).unwrap();
+        for mut engine in [Box::new(explicit) as Box<dyn Engine>, Box::new(implicit)] {
+            let error = engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap_err();
+            assert!(matches!(&error, EngineError::Diverged { step: 0, .. }), "{speed}: {error}");
+            assert!(error.to_string().contains("particle 7 (body \"body 0\")"), "{speed}: {error}");
+        }
+    }
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Problem;
+use gridfall_engine::implicit::ImplicitEngine;
 use gridfall_engine::{Control, Engine, EngineError, FrameStats, NoControl};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -192,6 +193,21 @@ fn failures_name_step_and_particle() {
     match common::gpu_engine(&problem).advance_frame(problem.setup.frame_s, &NoControl) {
         Err(EngineError::Diverged { step: 0, what, .. }) => assert!(what.contains("particle 77"), "{what}"),
         other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn speeds_beyond_all_bounds_are_errors_that_name_the_particle() {
+    for speed in [1e16, 1e30] {
+        let mut problem = block("compact", "", "\"velocity\": [0, 0, 0]");
+        problem.particles.v[77] = [0.0, 0.0, speed];
+        let implicit = ImplicitEngine::on_gpu(common::gpu(), &problem.setup, problem.particles.clone(), "test");
+        for mut engine in [Box::new(common::gpu_engine(&problem)) as Box<dyn Engine>, Box::new(implicit.unwrap())] {
+            match engine.advance_frame(problem.setup.frame_s, &NoControl) {
+                Err(EngineError::Diverged { step: 0, what, .. }) => assert!(what.contains("particle 77"), "{what}"),
+                other => panic!("{other:?}"),
+            }
+        }
     }
 }
 

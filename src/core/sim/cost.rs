@@ -87,12 +87,22 @@ pub fn implicit_fault(setup: &Setup) -> Option<String> {
     }
 }
 
+/// Why a problem's particles are too fast for implicit steps; `None` if they are not.
+pub fn too_fast_for_implicit(setup: &Setup, particles: &Particles) -> Option<String> {
+    let speed_m_s = initial_extremes(setup, particles).speed_m_s;
+    let shortest_s = MIN_IMPLICIT_STEP_S.min(setup.frame_s);
+    (speed_m_s * shortest_s > setup.dx).then(|| {
+        let cells = speed_m_s * shortest_s / setup.dx;
+        format!("at {speed_m_s:.3e} m/s a particle crosses {cells:.1} cells in the shortest implicit step")
+    })
+}
+
 /// The integrator that `asked` resolves to, and why, in a sentence.
 pub fn choose(setup: &Setup, particles: &Particles, asked: Integrator) -> (Integrator, String) {
     if asked != Integrator::Auto {
         return (asked, "the scene asks for it".into());
     }
-    if let Some(fault) = implicit_fault(setup) {
+    if let Some(fault) = implicit_fault(setup).or_else(|| too_fast_for_implicit(setup, particles)) {
         return (Integrator::Explicit, fault);
     }
     let (explicit, implicit) = (explicit(setup, particles), implicit(setup, particles));
@@ -164,6 +174,17 @@ mod tests {
         let (integrator, reason) = chosen(&problem, Integrator::Auto);
         assert_eq!(integrator, Integrator::Explicit);
         assert!(reason.contains("fluid 'body 0'"), "{reason}");
+    }
+
+    #[test]
+    fn auto_is_explicit_where_particles_are_too_fast_for_implicit_steps() {
+        let mut problem = beam(1e11);
+        problem.particles.v[3] = [1.2e5, 0.0, 0.0];
+        assert!(too_fast_for_implicit(&problem.setup, &problem.particles).is_none());
+        problem.particles.v[3] = [2.5e5, 0.0, 0.0];
+        let (integrator, reason) = chosen(&problem, Integrator::Auto);
+        assert_eq!(integrator, Integrator::Explicit);
+        assert!(reason.contains("crosses 2.0 cells"), "{reason}");
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Why a run may have diverged: what the state of the offending particle says, and what helps.
 
+use super::particles::Particles;
 use super::setup::{Material, Setup};
 use crate::material::Law;
 use crate::maths::linalg::{determinant, from_row_major};
@@ -19,6 +20,30 @@ pub struct Suspect {
     pub f: [f64; 9],
     /// m/s.
     pub speed_m_s: f64,
+}
+
+/// The particle that a failing run is blamed on: the first one whose velocity is not a number, or the
+/// fastest. There must be particles.
+pub fn worst(particles: &Particles) -> usize {
+    let speed_squared = |i: usize| particles.v[i].iter().map(|c| c * c).sum::<f64>();
+    let lost = (0..particles.len()).find(|&i| !speed_squared(i).is_finite());
+    let fastest = || (0..particles.len()).max_by(|&a, &b| speed_squared(a).total_cmp(&speed_squared(b)));
+    lost.or_else(fastest).expect("there are particles")
+}
+
+/// What `particle` of `particles` is called, how fast it is (m/s), and the likely cause of a failure
+/// that it is blamed for.
+pub fn describe(setup: &Setup, particles: &Particles, particle: usize) -> (String, f64, String) {
+    let body = particles.body[particle] as usize;
+    let speed_m_s = particles.v[particle].iter().map(|c| c * c).sum::<f64>().sqrt();
+    let cause = likely_cause(setup, &Suspect { body, f: particles.f[particle], speed_m_s });
+    (format!("particle {particle} (body \"{}\")", setup.bodies[body].name), speed_m_s, cause)
+}
+
+/// What to say of a frame that will never end for this reason.
+pub fn endless(setup: &Setup, particles: &Particles, reason: &str) -> String {
+    let (who, speed_m_s, cause) = describe(setup, particles, worst(particles));
+    format!("{reason}: {who} moves at {speed_m_s:.3e} m/s; likely cause: {cause}")
 }
 
 /// The likely cause and its remedy, in a sentence.

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 
 use super::step::{FARTHEST_DX, max_speed_m_s, next_dt_s};
 use crate::contract::{Backend, Control, Engine, EngineError, FrameStats, Solve};
-use gridfall_core::sim::divergence::{Suspect, likely_cause};
+use gridfall_core::sim::divergence::{describe, worst};
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::Setup;
@@ -112,6 +112,23 @@ impl ImplicitEngine {
         Ok((solve, self.stepper.finish()?))
     }
 
+    /// Fails if a particle, at its present speed, crosses more than a cell in the shortest step (s).
+    /// The solve cannot be trusted to find out: it starts from a state that means nothing.
+    fn refuse_too_fast(&self, dt: f64) -> Result<(), EngineError> {
+        let (setup, shortest) = (self.stepper.setup(), dt <= MIN_IMPLICIT_STEP_S);
+        let cells = self.max_speed_m_s * dt / setup.dx;
+        if !shortest || cells <= FARTHEST_DX {
+            return Ok(());
+        }
+        let particles = self.stepper.snapshot()?;
+        let (who, speed_m_s, cause) = describe(setup, &particles, worst(&particles));
+        let what = format!(
+            "{who} moves at {speed_m_s:.3e} m/s, {cells:.1e} cells in the shortest step of {dt:.0e} s; \
+             likely cause: {cause}"
+        );
+        Err(EngineError::Diverged { step: self.step, time_s: self.time_s, what })
+    }
+
     /// Why the run ends with a step in which particles did this.
     fn failure(&self, moved: &Moved) -> Result<EngineError, EngineError> {
         let (step, time_s, setup) = (self.step, self.time_s, self.stepper.setup());
@@ -120,14 +137,15 @@ impl ImplicitEngine {
         if moved.is_too_long() {
             let what = match moved.lost {
                 Some(id) => {
-                    let speed_m_s = particles.v[id].iter().map(|c| c * c).sum::<f64>().sqrt();
-                    let suspect = Suspect { body: particles.body[id] as usize, f: particles.f[id], speed_m_s };
-                    let cause = likely_cause(setup, &suspect);
-                    format!("{} is no longer finite; likely cause, from the step's start: {cause}", named(id))
+                    let (who, _, cause) = describe(setup, &particles, id);
+                    format!("{who} is no longer finite; likely cause, from the step's start: {cause}")
                 }
                 None => {
-                    "a particle moves more than a cell in the shortest step; likely cause: speeds grew without bound"
-                        .into()
+                    let (who, speed_m_s, cause) = describe(setup, &particles, worst(&particles));
+                    format!(
+                        "a particle moves more than a cell in the shortest step; the fastest at its start is {who} \
+                         at {speed_m_s:.3e} m/s; likely cause: speeds grew without bound, or {cause}"
+                    )
                 }
             };
             return Ok(EngineError::Diverged { step, time_s, what });
@@ -170,6 +188,9 @@ impl Engine for ImplicitEngine {
             }
             let remaining_s = frame_s - gone_s;
             let dt = next_dt_s(self.stepper.setup(), self.max_speed_m_s, remaining_s).min(longest_s);
+            if longest_s.is_infinite() {
+                self.refuse_too_fast(dt)?;
+            }
             let (solve, moved) = self.attempt(dt, longest_s.is_finite(), control)?;
             if moved.is_too_long() && dt > MIN_IMPLICIT_STEP_S {
                 longest_s = 0.5 * dt;

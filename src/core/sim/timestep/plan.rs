@@ -24,6 +24,9 @@ pub const MAX_GROWTH: f64 = 0.5;
 /// is at fault.
 pub const MIN_IMPLICIT_STEP_S: f64 = 1e-6;
 
+/// Steps beyond which no frame ends.
+const MAX_FRAME_STEPS: u64 = 1 << 40;
+
 /// Growth of the demand within a frame beyond which its steps are too long.
 pub const REPLAN_DEMAND: f64 = (REPLAN / SAFETY) * (REPLAN / SAFETY);
 
@@ -50,6 +53,12 @@ pub struct StepPlan {
 }
 
 impl StepPlan {
+    /// Why the frame will never end; `None` if it will.
+    pub fn endless(&self) -> Option<String> {
+        let sound = self.steps <= MAX_FRAME_STEPS && self.dt_s.is_normal();
+        (!sound).then(|| format!("the frame would take {:.1e} steps", self.steps as f64))
+    }
+
     /// The same time in steps of at most `dt_s`. Within a frame the step only shrinks.
     pub fn no_longer_than(self, dt_s: f64) -> Self {
         let total_s = self.dt_s * self.steps as f64;

@@ -2,11 +2,11 @@
 
 use super::stages::{Moved, Stages, stages};
 use crate::contract::{Backend, Control, Engine, EngineError, FrameStats};
-use gridfall_core::sim::divergence::{Suspect, likely_cause};
+use gridfall_core::sim::divergence;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::{Axis, Setup};
-use gridfall_core::sim::timestep::{REPLAN_DEMAND, SHRINK, plan_frame};
+use gridfall_core::sim::timestep::{REPLAN_DEMAND, SHRINK, StepPlan, plan_frame};
 
 /// A problem loaded on the CPU.
 pub struct CpuEngine {
@@ -57,21 +57,21 @@ impl CpuEngine {
         Ok(())
     }
 
+    fn refuse_endless(&self, plan: &StepPlan) -> Result<(), EngineError> {
+        let Some(reason) = plan.endless() else { return Ok(()) };
+        let what = divergence::endless(&self.setup, &self.stages.particles(), &reason);
+        Err(EngineError::Diverged { step: self.step, time_s: self.time_s, what })
+    }
+
     fn diverged(&self) -> String {
         let p = self.stages.particles();
-        let speed_squared = |v: &[f64; 3]| v.iter().map(|c| c * c).sum::<f64>();
-        let worst = (0..p.len()).find(|&i| !speed_squared(&p.v[i]).is_finite());
-        let fastest = || (0..p.len()).max_by(|&a, &b| speed_squared(&p.v[a]).total_cmp(&speed_squared(&p.v[b])));
-        let i = worst.or_else(fastest).expect("a problem has particles");
-        let fault = if worst.is_some() {
-            "has a velocity that is not a number".into()
+        let (who, speed_m_s, cause) = divergence::describe(&self.setup, &p, divergence::worst(&p));
+        let fault = if speed_m_s.is_finite() {
+            format!("moved a whole cell in one step at {speed_m_s:.3e} m/s")
         } else {
-            format!("moved a whole cell in one step at {:.3e} m/s", speed_squared(&p.v[i]).sqrt())
+            "has a velocity that is not a number".into()
         };
-        let body = p.body[i] as usize;
-        let suspect = Suspect { body, f: p.f[i], speed_m_s: speed_squared(&p.v[i]).sqrt() };
-        let cause = likely_cause(&self.setup, &suspect);
-        format!("particle {i} (body \"{}\") {fault}; likely cause: {cause}", self.setup.bodies[body].name)
+        format!("{who} {fault}; likely cause: {cause}")
     }
 
     fn outside(&self) -> String {
@@ -101,6 +101,7 @@ impl Engine for CpuEngine {
         self.stages.start_frame();
         let extremes = self.stages.extremes();
         let mut plan = plan_frame(&self.setup, &extremes, frame_s);
+        self.refuse_endless(&plan)?;
         let mut isolated_reset = 0;
         let mut from_s = start_s;
         let mut done = 0;
@@ -147,6 +148,7 @@ impl Engine for CpuEngine {
                 let longest = plan_frame(&self.setup, &extremes, start_s + frame_s - from_s);
                 let before_s = plan.dt_s;
                 plan = longest.no_longer_than(SHRINK * before_s);
+                self.refuse_endless(&plan)?;
                 done = 0;
                 kick_s = if staggered { 0.5 * (before_s + plan.dt_s) } else { plan.dt_s };
             }

@@ -15,6 +15,7 @@ use crate::contract::{Backend, Control, Engine, EngineError, FrameStats};
 use crate::gpu::memory::Memory;
 use crate::gpu::program::{Dispatch, Programs, Tools};
 use crate::gpu::{Gpu, Variant};
+use gridfall_core::sim::divergence;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::Setup;
@@ -387,6 +388,11 @@ impl Engine for GpuEngine {
             // The bound on node speeds has the affine part in it.
             let extremes = Extremes { speed_m_s: self.max_speed, affine_rate_1_s: 0.0, demand_1_s2: self.max_demand };
             let plan = timestep::plan_frame(&self.setup, &extremes, frame_s - done_s).no_longer_than(longest_s);
+            if let Some(reason) = plan.endless() {
+                let particles = self.snapshot()?;
+                let what = divergence::endless(&self.setup, &particles, &reason);
+                return Err(EngineError::Diverged { step: self.steps, time_s: self.time_s, what });
+            }
             let course = Course::of(&self.setup, plan.dt_s, plan.steps, ahead_s);
             let segment = self.run_segment(&course, control)?;
             ahead_s = segment.ahead_s;

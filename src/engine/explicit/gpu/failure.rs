@@ -4,7 +4,7 @@ use super::engine::GpuEngine;
 use super::layout::{self, Report};
 use super::readback;
 use crate::contract::EngineError;
-use gridfall_core::sim::divergence::{Suspect, likely_cause};
+use gridfall_core::sim::divergence::describe;
 
 impl GpuEngine {
     pub(super) fn failure(&self, report: &Report, dt_s: f64) -> EngineError {
@@ -37,9 +37,7 @@ impl GpuEngine {
     /// A particle's name, and what its state at the frame's start says about a failure.
     fn suspect(&self, id: usize) -> Option<(String, String)> {
         let p = readback::particles(&self.gpu, &self.buffers, &self.layout).ok()?;
-        let body = *p.body.get(id)? as usize;
-        let speed_m_s = p.v[id].iter().map(|v| v * v).sum::<f64>().sqrt();
-        let cause = likely_cause(&self.setup, &Suspect { body, f: p.f[id], speed_m_s });
-        Some((format!("particle {id} (body \"{}\")", self.setup.bodies[body].name), cause))
+        let (who, _, cause) = (id < p.len()).then(|| describe(&self.setup, &p, id))?;
+        Some((who, cause))
     }
 }

@@ -89,7 +89,8 @@ fn run(problem: Problem, revises: bool, outcomes: &[Moved]) -> Run {
         begun: Rc::clone(&begun),
         kept: Rc::clone(&kept),
     };
-    Run { engine: ImplicitEngine::of(Box::new(stepper), Backend::this_cpu("test"), 0.0), begun, kept }
+    let speed_m_s = max_speed_m_s(&stepper.problem.particles);
+    Run { engine: ImplicitEngine::of(Box::new(stepper), Backend::this_cpu("test"), speed_m_s), begun, kept }
 }
 
 #[test]
@@ -126,6 +127,22 @@ fn failures_say_what_and_where() {
     assert!(code == "diverged" && text.contains("more than a cell") && text.contains("without bound"), "{text}");
     let (code, text) = fail(Moved { outside: Some(2), ..AT_REST });
     assert!(code == "left_domain" && text.contains("particle 2 (body \"block\") leaves from [0."), "{text}");
+}
+
+#[test]
+fn what_crosses_cells_in_the_shortest_step_fails_before_it_is_tried() {
+    for speed in [1.3e5, 1e30] {
+        let mut problem = problem();
+        problem.particles.v[5] = [0.0, -speed, 0.0];
+        // The solve would leave it at rest.
+        let Run { mut engine, begun, .. } = run(problem, false, &[]);
+        let error = engine.advance_frame(0.1, &NoControl).unwrap_err();
+        assert_eq!((error.code(), begun.borrow().len()), ("diverged", 0));
+        assert!(error.to_string().contains("particle 5 (body \"block\") moves at 1"), "{error}");
+    }
+    let mut problem = problem();
+    problem.particles.v[5] = [0.0, -1.2e5, 0.0];
+    run(problem, false, &[]).engine.advance_frame(1e-5, &NoControl).unwrap();
 }
 
 #[test]
