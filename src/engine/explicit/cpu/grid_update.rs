@@ -297,8 +297,8 @@ struct Surface<'a> {
     collider: Placed<'a>,
 }
 
-/// Colliders that may reach a node of the block, or its room if that is asked for. A distance changes by at most the distance moved
-/// (and a slack of sampled shapes), so that the one at the block's middle decides.
+/// Colliders that may reach a node of the block, or its room if that is asked for. A distance changes by at most the
+/// distance moved (and a slack of sampled shapes), so that the one at the block's middle decides.
 fn near<'a, const D: usize>(
     setup: &Setup,
     present: &'a [Surface<'a>],
