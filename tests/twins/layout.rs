@@ -122,6 +122,7 @@ fn shared_constants_agree() {
     ] {
         assert_eq!(constant(&m, name), rust, "{name}");
     }
+    assert_eq!(number(&m, "STIRRED"), volume::STIRRED as f32);
     assert_eq!(number(&m, "CROWD"), volume::CROWD as f32);
     assert_eq!(number(&m, "FULLEST"), volume::FULLEST as f32);
     let m = parse("implicit/linear/decide");

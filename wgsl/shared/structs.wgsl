@@ -1,7 +1,7 @@
 // Structs of the scene that explicit and implicit stages share. Rust twins:
 // src/engine/explicit/gpu/layout.rs.
 
-// rate, full: how the volume follows what fills the room (src/core/sim/volume.rs); rate 0: it does
+// rate, full: how the volume follows what fills the room (src/core/sim/volume.rs); full 0: it does
 // not.
 struct Body {
     mass: f32,
