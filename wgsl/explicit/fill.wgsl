@@ -6,8 +6,8 @@
 
 /// What the particle's ∇v adds to its body's rate, as a share of itself.
 const STIRRED: f32 = 0.3;
-/// Excess over full at which the rate is twice its slow value.
-const CROWD: f32 = 0.2;
+/// Fill, over that which counts as full, up to which it is noise and no crowd.
+const NOISE: f32 = 1.1;
 /// Fill, over that which counts as full, beyond which more does not count.
 const FULLEST: f32 = 1.25;
 
@@ -55,9 +55,9 @@ fn fill_around(corner: vec3<f32>, y: vec3<f32>) -> f32 {
 fn relaxed(state: Deformation, model: u32, body: Body, dt: f32, growth: mat3x3<f32>, fill: f32) -> Deformation {
     var next = state;
     let over = max(fill / body.full, 1.0);
-    let crowd = (over - 1.0) / CROWD;
-    let slow = body.rate * dt + STIRRED * sqrt(norm2(growth));
-    let share = min(slow * (1.0 + crowd * crowd), 1.0);
+    let crowd = 5.0 * max(over - NOISE, 0.0);
+    let rate = body.rate + body.crowded * crowd * crowd;
+    let share = min(rate * dt + STIRRED * sqrt(norm2(growth)), 1.0);
     let goal = 1.0 / min(over, FULLEST);
     if (model == FLUID) {
         next.J += share * (goal - state.J);

@@ -185,15 +185,14 @@ fn relax<T: Real, const D: usize>(
     grad_v: &MatrixLanes<T, D>,
     fill: &Lanes<T>,
 ) {
-    let stirred = T::from_f64(volume::STIRRED);
-    let per_crowd = T::from_f64(1.0 / volume::CROWD);
+    let [stirred, noise] = [volume::STIRRED, volume::NOISE].map(T::from_f64);
     let (mut goal, mut share) = ([T::ONE; LANES], [T::ZERO; LANES]);
     for l in 0..LANES {
         let fill = (fill[l] / relaxation.full).max(T::ONE);
-        let crowd = (fill - T::ONE) * per_crowd;
+        let crowd = T::from_f64(5.0) * (fill - noise).max(T::ZERO);
         let rates = matrix(grad_v, l);
-        let slow = relaxation.rate + stirred * double_dot(&rates, &rates).sqrt();
-        share[l] = (slow * dt * (T::ONE + crowd * crowd)).min(T::ONE);
+        let stirring = stirred * double_dot(&rates, &rates).sqrt();
+        share[l] = (dt * (relaxation.rate + stirring + relaxation.crowded * crowd * crowd)).min(T::ONE);
         goal[l] = T::ONE / fill.min(T::from_f64(volume::FULLEST));
     }
     match &mut chunk.state {
