@@ -130,6 +130,7 @@ mod tests {
                 f: vec![IDENTITY; n],
                 plastic: vec![0.0; n],
                 body: vec![0; n],
+                touch: Vec::new(),
             };
             excerpt.take(&all, range.start, &part);
         }

@@ -64,6 +64,7 @@ fn prune(problem: &mut Problem, kept: impl Fn(usize, [f64; 3]) -> bool) {
         f: chosen.iter().map(|&p| all.f[p]).collect(),
         plastic: chosen.iter().map(|&p| all.plastic[p]).collect(),
         body: vec![0; chosen.len()],
+        touch: Vec::new(),
     };
     problem.setup.bodies[0].particles = 0..chosen.len();
 }

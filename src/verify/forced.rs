@@ -36,7 +36,7 @@ impl Forced {
     /// has moved a cell in a step, has left the domain, or has no finite speed. The simulation
     /// cannot continue after that.
     pub fn step(&mut self) -> f64 {
-        self.stages.grid_update(self.dt_s, self.time_s);
+        self.stages.grid_update(self.dt_s, self.time_s, self.dt_s);
         if self.watched {
             self.nodes = self.stages.nodes();
         }

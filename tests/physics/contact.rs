@@ -33,7 +33,7 @@ fn wall_nodes_obey_their_contact() {
             let problem = block_on_floor(kernel, contact(kind, friction));
             let mut solver = stages(&problem.setup, problem.particles.clone());
             solver.p2g(1e-4);
-            solver.grid_update(1e-4, 0.0);
+            solver.grid_update(1e-4, 0.0, 1e-4);
             let nodes = solver.nodes();
             if kind == ContactKind::Sticky {
                 opposite_images(kernel, &nodes);

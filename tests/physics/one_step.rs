@@ -45,7 +45,7 @@ fn losses(problem: &Problem) -> [f64; 2] {
     let mut solver = stages(&problem.setup, problem.particles.clone());
     let dt = 1e-3;
     solver.p2g(dt);
-    solver.grid_update(dt, 0.0);
+    solver.grid_update(dt, 0.0, dt);
     solver.g2p(dt);
     let (before, after) = (&problem.particles, solver.particles());
     let scale: f64 = (0..200).map(|i| mass(problem, before, i) * norm(before.v[i])).sum();
@@ -85,7 +85,7 @@ fn the_fused_stage_is_g2p_then_p2g() {
         let started = || {
             let mut solver = stages(&problem.setup, problem.particles.clone());
             solver.p2g(dt);
-            solver.grid_update(dt, 0.0);
+            solver.grid_update(dt, 0.0, dt);
             solver
         };
         let (mut fused, mut apart) = (started(), started());

@@ -4,7 +4,7 @@ use gridfall_core::material::parameters::{Elastic, Fluid};
 use gridfall_core::maths::linalg::{Matrix, apply, mul_transpose};
 use gridfall_core::sim::moments::moment_matrix;
 use gridfall_core::sim::particles::{IDENTITY, Particles};
-use gridfall_core::sim::setup::{Axis, Body, Contact, Problem, Setup};
+use gridfall_core::sim::setup::{Axis, Body, Contact, ContactAt, Problem, Setup};
 use gridfall_core::sim::setup::{ContactKind, Implicit, Integrator, Kernel, Material, Precision, Transfer};
 use gridfall_engine::explicit::cpu::CpuEngine;
 use gridfall_engine::{Engine, NoControl};
@@ -49,6 +49,7 @@ pub fn empty(dimension: usize, cells: Vec3, dx: f64) -> Problem {
         colliders: Vec::new(),
         kernel: Kernel::Compact,
         transfer: Transfer::Mls,
+        contact_at: ContactAt::Nodes,
         precision: Precision::F64,
         cfl: 0.5,
         max_dt_s: None,

@@ -106,7 +106,7 @@ fn history(problem: &Problem, steps: usize) -> Vec<Moment> {
     for k in 0..steps {
         gpu.g2p2g().unwrap();
         cpu.p2g(DT_S);
-        cpu.grid_update(DT_S, k as f64 * DT_S);
+        cpu.grid_update(DT_S, k as f64 * DT_S, DT_S);
         cpu.g2p(DT_S);
         cpu.bin();
         moments.push(Moment { books: gpu.bookkeeping().unwrap(), x: cpu.particles().x });

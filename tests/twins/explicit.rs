@@ -179,7 +179,7 @@ fn step(gpu_problem: &Problem, cpu_problem: &Problem) -> [f64; 8] {
     cpu.p2g(DT_S);
     let (mass, momentum) = compare(&nodes, &cpu_nodes(cpu.as_ref(), cpu_problem), cpu_problem, false);
     let nodes = gpu.grid_update().unwrap();
-    cpu.grid_update(DT_S, 0.0);
+    cpu.grid_update(DT_S, 0.0, DT_S);
     let (mass_again, velocity) = compare(&nodes, &cpu_nodes(cpu.as_ref(), cpu_problem), cpu_problem, true);
     let after = gpu.g2p().unwrap();
     cpu.g2p(DT_S);

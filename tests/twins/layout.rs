@@ -45,7 +45,7 @@ fn shared_structs_agree() {
         first_kick, last_kick, last_step, end_dt, spare0, spare1, spare2, walls);
     twin!(m, Report: halt, error, error_particle, max_shift, max_speed, step, index, work_count, cursor, stale, needed,
         max_demand, isolated, finished, groups);
-    twin!(m, Body: mass, volume, material, demand, rate, full, spare0, spare1);
+    twin!(m, Body: mass, volume, material, demand, rate, full, crowded, spare);
     twin!(m, Material: model, a, b, c, d, e, spare0, spare1);
     twin!(m, SdfOp: r0, r1, r2, size, code, grid);
     twin!(m, Collider: first, count, kind, friction);
@@ -122,7 +122,8 @@ fn shared_constants_agree() {
     ] {
         assert_eq!(constant(&m, name), rust, "{name}");
     }
-    assert_eq!(number(&m, "CROWD"), volume::CROWD as f32);
+    assert_eq!(number(&m, "STIRRED"), volume::STIRRED as f32);
+    assert_eq!(number(&m, "NOISE"), volume::NOISE as f32);
     assert_eq!(number(&m, "FULLEST"), volume::FULLEST as f32);
     let m = parse("implicit/linear/decide");
     for (name, rust) in [

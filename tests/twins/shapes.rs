@@ -90,7 +90,7 @@ fn on_cpu(problem: &Problem) -> Nodes {
     let mut cpu = stages(&setup, problem.particles.clone());
     cpu.start_frame();
     cpu.p2g(DT_S);
-    cpu.grid_update(DT_S, 0.0);
+    cpu.grid_update(DT_S, 0.0, DT_S);
     cpu.nodes().into_iter().map(|n| (([1, -1][n.grid], n.index), (n.mass, n.velocity))).collect()
 }
 

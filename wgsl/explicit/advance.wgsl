@@ -20,13 +20,13 @@ fn advance(corner: vec3<f32>, y: vec3<f32>, g: Gathered, before: Deformation, bo
     principal: ptr<function, Principal>) -> Advanced {
     var out: Advanced;
     let material = materials[body.material];
+    let growth = g.gradient * (dt / params.dx);
     var state = before;
-    if (body.rate > 0.0) {
-        state = relaxed(before, material.model, body, dt, fill_around(corner, y));
+    if (body.full > 0.0) {
+        state = relaxed(before, material.model, body, dt, growth, fill_around(corner, y));
     }
     let move_cells = g.v * (dt / params.dx);
     let farthest = max(max(abs(move_cells.x), abs(move_cells.y)), abs(move_cells.z));
-    let growth = g.gradient * (dt / params.dx);
     out.state = deform(state, material, growth, principal);
     let size = select(norm2(out.state.F), abs(out.state.J), material.model == FLUID);
     // Written so that NaN fails the test: on Vulkan x != x is not reliable.

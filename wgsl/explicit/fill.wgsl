@@ -4,8 +4,10 @@
 //
 // uses explicit/tile, explicit/share, shared/state
 
-/// Excess over full at which the rate is twice that of a body.
-const CROWD: f32 = 0.2;
+/// What the particle's ∇v adds to its body's rate, as a share of itself.
+const STIRRED: f32 = 0.3;
+/// Fill, over that which counts as full, up to which it is noise and no crowd.
+const NOISE: f32 = 1.1;
 /// Fill, over that which counts as full, beyond which more does not count.
 const FULLEST: f32 = 1.25;
 
@@ -49,12 +51,13 @@ fn fill_around(corner: vec3<f32>, y: vec3<f32>) -> f32 {
 }
 
 /// The state a little towards that of which the fill tells: J of a fluid, the volumetric strain of
-/// grains with what they have gained apart.
-fn relaxed(state: Deformation, model: u32, body: Body, dt: f32, fill: f32) -> Deformation {
+/// grains with what they have gained apart. `growth`: dt ∇v.
+fn relaxed(state: Deformation, model: u32, body: Body, dt: f32, growth: mat3x3<f32>, fill: f32) -> Deformation {
     var next = state;
     let over = max(fill / body.full, 1.0);
-    let crowd = (over - 1.0) / CROWD;
-    let share = min(body.rate * dt * (1.0 + crowd * crowd), 1.0);
+    let crowd = 5.0 * max(over - NOISE, 0.0);
+    let rate = body.rate + body.crowded * crowd * crowd;
+    let share = min(rate * dt + STIRRED * sqrt(norm2(growth)), 1.0);
     let goal = 1.0 / min(over, FULLEST);
     if (model == FLUID) {
         next.J += share * (goal - state.J);
@@ -74,7 +77,7 @@ fn filled_cells(state: Deformation, model: u32, body: Body) -> f32 {
         return 0.0;
     }
     var kept = 1.0;
-    if (model != FLUID && body.rate == 0.0) {
+    if (model != FLUID && body.full == 0.0) {
         kept = clamp(determinant(state.F), 0.0, 1.0);
     }
     return kept * body.volume / (params.dx * params.dx * params.dx);

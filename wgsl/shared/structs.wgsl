@@ -1,17 +1,17 @@
 // Structs of the scene that explicit and implicit stages share. Rust twins:
 // src/engine/explicit/gpu/layout.rs.
 
-// rate, full: how the volume follows what fills the room (src/core/sim/volume.rs); rate 0: it does
+// rate, crowded, full: how the volume follows what fills the room (src/core/sim/volume.rs); full 0: it does
 // not.
 struct Body {
     mass: f32,
     volume: f32,
     material: u32,
     demand: f32, // of the material at rest (1/s²)
-    rate: f32,   // 1/s
+    rate: f32,   // at rest (1/s)
     full: f32,   // fill that counts as full
-    spare0: u32,
-    spare1: u32,
+    crowded: f32, // what a crowd adds to the rate (1/s)
+    spare: u32,
 }
 
 // A fluid: a = K/γ, b = γ, c = viscosity. All others: a = μ, b = λ, and von Mises: c = √(2/3) σ_Y;

@@ -2,7 +2,7 @@
 
 use super::particles::{IDENTITY, Particles};
 use super::setup::{
-    Axis, Body, Contact, ContactKind, Implicit, Integrator, Kernel, Precision, Problem, Setup, Transfer,
+    Axis, Body, Contact, ContactAt, ContactKind, Implicit, Integrator, Kernel, Precision, Problem, Setup, Transfer,
 };
 use crate::material::parameters::{Elastic, Fluid, Material};
 
@@ -55,6 +55,7 @@ pub fn problem(dimension: usize, dx: f64, materials: Vec<Material>, blocks: &[Bl
         bodies,
         sources: Vec::new(),
         colliders: Vec::new(),
+        contact_at: ContactAt::Nodes,
         kernel: Kernel::Compact,
         transfer: Transfer::Mls,
         precision: Precision::F32,

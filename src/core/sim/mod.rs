@@ -19,4 +19,5 @@ pub mod setup;
 pub mod source;
 pub mod stats;
 pub mod timestep;
+pub mod touch;
 pub mod volume;

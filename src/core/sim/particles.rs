@@ -1,5 +1,7 @@
 //! Particle states as exchanged between engines, recordings and diagnostics.
 
+use super::touch::Touch;
+
 /// States of all particles at a frame boundary, in the order in which the bodies were sampled.
 ///
 /// All arrays have equal length. 2D scenes use the first two components of vectors, with zero z and
@@ -20,6 +22,9 @@ pub struct Particles {
     pub plastic: Vec<f64>,
     /// Index into [`crate::sim::setup::Setup::bodies`].
     pub body: Vec<u32>,
+    /// What they remember of contact; of the first particles only, or of none, where the others have
+    /// met nothing yet.
+    pub touch: Vec<Touch>,
 }
 
 impl Particles {
@@ -43,6 +48,7 @@ impl Particles {
         put(&mut self.f, others.f);
         put(&mut self.plastic, others.plastic);
         put(&mut self.body, others.body);
+        put(&mut self.touch, others.touch);
     }
 
     pub fn is_empty(&self) -> bool {

@@ -8,7 +8,7 @@ pub use super::contact::{Contact, ContactKind};
 use super::notice::Notice;
 use super::particles::{IDENTITY, Particles};
 pub use super::settings::{
-    CoarseSolve, Implicit, Integrator, Kernel, Method, OutputField, Precision, Smoother, Transfer,
+    CoarseSolve, ContactAt, Implicit, Integrator, Kernel, Method, OutputField, Precision, Smoother, Transfer,
 };
 use super::source::Source;
 use crate::material::initial_plastic_state;
@@ -60,6 +60,8 @@ pub struct Setup {
     pub bodies: Vec<Body>,
     pub sources: Vec<Source>,
     pub colliders: Vec<Collider>,
+    /// Where colliders act; implicit runs know nodes only.
+    pub contact_at: ContactAt,
     pub kernel: Kernel,
     pub transfer: Transfer,
     pub precision: Precision,

@@ -31,6 +31,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use serde::Serialize;
 
 use super::setup::{Body, Kernel, Material, Setup, Transfer};
+use super::touch::{self, Springs};
 use crate::material;
 
 pub use plan::{
@@ -201,11 +202,14 @@ fn body_bounds(setup: &Setup, index: usize, body: &Body) -> [(f64, Bound); 2] {
     let (lambda, mu, viscosity) = moduli(&setup.materials[body.material]);
     let rho = body.mass / body.volume0;
     let elastic = elastic_bounds_s(setup, lambda, mu, rho);
+    // The springs of contact act beside the material's own stiffness.
+    let springs = touch::acts(setup).then(|| Springs::of(setup, body).bound(body.mass));
+    let [stiff, damped] = springs.unwrap_or_default();
     let viscous = elastic_bounds_s(setup, 0.0, viscosity, rho);
     let both = |elastic: f64, unit: f64| {
         let (a, b) = (1.0 / (elastic * elastic), 2.0 / (unit * unit));
         // a dt² + b dt = 1; viscosity dominates if b dt > ½.
-        (plan::positive_root(a, b, 1.0), 2.0 * b * b > a)
+        (plan::positive_root(a + stiff, b + damped, 1.0), 2.0 * b * b > a)
     };
     let rules = [Bound::Bulk { body: index }, Bound::SingleParticle { body: index }];
     let bounds = [both(elastic.0, viscous.0), both(elastic.1, viscous.1)];

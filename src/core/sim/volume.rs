@@ -7,13 +7,16 @@
 //!   fill = Σ w m_i / (ρ0 Σ w V_i),   V_i = dx^d times the share of node i's weight inside walls
 //!                                    and outside colliders
 //!   f = max(1, fill)
-//!   J ← J + min(1, RATE c dt/dx (1 + ((f − 1)/CROWD)²)) (1/min(f, FULLEST) − J)
+//!   r = FALLING √(g/dx) + STIRRED ‖∇v‖ + CROWDED c/dx (max(0, f − NOISE)/0.2)²
+//!   J ← J + min(1, r dt) (1/min(f, FULLEST) − J)
 //!   J ← (1 + dt tr ∇v) J
 //!
-//! with c² = (λ + 2μ)/ρ0 at rest. The fill is noisy, J is smooth: the rate is slow, so that waves
-//! keep the J of ∇·v, and the two agree in the mean. Crowds, which are more than noise, dissolve
-//! faster. The goal is never above 1: at a free surface the fill is below 1, and nothing is pushed
-//! or pulled there.
+//! with ‖∇v‖ that of the particle (Frobenius) and c² = (λ + 2μ)/ρ0 at rest. The fill is noisy, J is
+//! smooth: r is slow, so that waves keep the J of ∇·v, and the two agree in the mean. It is as fast
+//! as particles are stirred, since that is what makes them gather, and not as fast as sound: in stiff
+//! water at rest the noise would make pressure, and pressure work. Crowds, which are more than noise, dissolve faster. The
+//! goal is never above 1: at a free surface the fill is below 1, and nothing is pushed or pulled
+//! there.
 //!
 //! In loose grains the volumetric strain takes the place of J, plastic volume included, and only
 //! what is too full is corrected.
@@ -21,13 +24,15 @@
 use super::setup::{Body, Setup};
 use crate::material::Law;
 
-/// Share of the difference that vanishes while a wave crosses a cell. At 0.25 the noise of the fill
-/// drives the water and lifts its surface by 6 %; below 0.005 the compact kernel's water sinks by 4 %.
-pub const RATE: f64 = 0.01;
-/// The same of grains, whose bulk modulus is a thousand times their weight, and makes more of noise.
-pub const GRAINS_RATE: f64 = 0.003;
-/// Excess over full at which the rate is twice its slow value.
-pub const CROWD: f64 = 0.2;
+/// Rate at which the difference vanishes at rest, as a share of that at which gravity crosses a cell. Half of it lets
+/// the compact kernel's water sink by 4 %.
+pub const FALLING: f64 = 0.06;
+/// What ‖∇v‖ adds to the rate, as a share of itself.
+pub const STIRRED: f64 = 0.3;
+/// What crowds add at a fill of 0.2 above [`NOISE`], as a share of the rate at which sound crosses a cell.
+pub const CROWDED: f64 = 0.01;
+/// Fill, over that which counts as full, up to which it is noise and no crowd.
+pub const NOISE: f64 = 1.1;
 /// Fill, over that which counts as full, beyond which more does not count. A bound on what particles
 /// that lie on one another may do: a pressure of about half the bulk modulus.
 pub const FULLEST: f64 = 1.25;
@@ -37,8 +42,10 @@ pub const LOOSE: f64 = 1.02;
 /// How a body's volume follows its fill.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relaxation {
-    /// Share of the excess that vanishes in a time (1/s).
+    /// Share of the difference that vanishes in a time at rest (1/s).
     pub rate_1_s: f64,
+    /// What a fill of 0.2 above [`NOISE`] adds (1/s); it grows with the square of the excess over [`NOISE`].
+    pub crowded_1_s: f64,
     /// Fill that counts as full.
     pub full: f64,
 }
@@ -47,10 +54,11 @@ pub struct Relaxation {
 pub fn relaxation(setup: &Setup, body: &Body) -> Option<Relaxation> {
     let material = &setup.materials[body.material];
     let law = Law::<f64>::new(material);
+    let full = if material.is_fluid() { 1.0 } else { law.gained_volume(0.0).map(|_| LOOSE)? };
+    let gravity = setup.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
     let c = (law.stiffness_at_rest() * body.volume0 / body.mass).sqrt();
-    let (rate, full) =
-        if material.is_fluid() { (RATE, 1.0) } else { law.gained_volume(0.0).map(|_| (GRAINS_RATE, LOOSE))? };
-    Some(Relaxation { rate_1_s: rate * c / setup.dx, full })
+    let (rate_1_s, crowded_1_s) = (FALLING * (gravity / setup.dx).sqrt(), CROWDED * c / setup.dx);
+    Some(Relaxation { rate_1_s, crowded_1_s, full })
 }
 
 /// Whether bodies of different materials may share nodes, so that mass does not tell volume.

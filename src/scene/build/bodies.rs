@@ -83,7 +83,7 @@ pub fn add_body(problem: &mut Problem, scene: &Scene, resolved: &Resolved, index
         None => vec![deformation(given, body.j, material_law, d); count],
     };
     let plastic = vec![initial_plastic_state(material_law); count];
-    particles.append(Particles { x, v, b, f, plastic, body: vec![index as u32; count] });
+    particles.append(Particles { x, v, b, f, plastic, body: vec![index as u32; count], touch: Vec::new() });
     setup.bodies.push(Body {
         name: body.name.clone(),
         material,

@@ -5,7 +5,7 @@ mod motion;
 
 use gridfall_core::sim::cost;
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::setup::{Axis, Body, Contact, Problem, Setup};
+use gridfall_core::sim::setup::{Axis, Body, Contact, ContactAt, Integrator, Problem, Setup};
 use rayon::prelude::*;
 
 use crate::grid::{cells, frames, stream};
@@ -32,6 +32,7 @@ pub(crate) fn build(scene: &Scene, resolved: &Resolved) -> Problem {
         bodies: Vec::new(),
         sources: Vec::new(),
         colliders: colliders(scene, &resolved.fields),
+        contact_at: scene.solver.contact,
         kernel: scene.solver.kernel,
         transfer: scene.solver.transfer,
         precision: scene.solver.precision,
@@ -64,6 +65,9 @@ pub(crate) fn build(scene: &Scene, resolved: &Resolved) -> Problem {
     }
     (problem.setup.integrator, problem.setup.integrator_reason) =
         cost::choose(&problem.setup, &problem.particles, scene.solver.integrator);
+    if problem.setup.integrator == Integrator::Implicit {
+        problem.setup.contact_at = ContactAt::Nodes;
+    }
     problem
 }
 

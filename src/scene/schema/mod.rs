@@ -14,7 +14,7 @@ mod vector;
 pub use body::{Body, Points, Sampling};
 pub use gridfall_core::material::parameters::Material;
 pub use gridfall_core::sim::contact::ContactKind;
-pub use gridfall_core::sim::settings::{Implicit, Integrator, Kernel, OutputField, Precision, Transfer};
+pub use gridfall_core::sim::settings::{ContactAt, Implicit, Integrator, Kernel, OutputField, Precision, Transfer};
 pub use motion::{Collider, Grip, Keyframe, Motion};
 pub use scene::{Boundary, Domain, Output, Periodic, Scene, Solver, Time, WallContact};
 pub use shape::{Fill, Shape};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use gridfall_core::material::parameters::Material;
 use gridfall_core::sim::contact::ContactKind;
-use gridfall_core::sim::settings::{Implicit, Integrator, Kernel, OutputField, Precision, Transfer};
+use gridfall_core::sim::settings::{ContactAt, Implicit, Integrator, Kernel, OutputField, Precision, Transfer};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -119,6 +119,8 @@ pub struct Solver {
     pub integrator: Integrator,
     pub kernel: Kernel,
     pub transfer: Transfer,
+    /// Where colliders act on the material, in explicit runs.
+    pub contact: ContactAt,
     /// A particle may move at most this share of dx in a step.
     pub cfl: f64,
     /// Upper bound on the step (s).
@@ -136,6 +138,7 @@ impl Default for Solver {
             integrator: Integrator::Auto,
             kernel: Kernel::Compact,
             transfer: Transfer::Mls,
+            contact: ContactAt::default(),
             cfl: 0.5,
             max_dt: None,
             precision: Precision::F32,

@@ -213,6 +213,7 @@ pub fn problem(spacing: f64) -> Problem {
         ],
         kernel: scene.solver.kernel,
         transfer: scene.solver.transfer,
+        contact_at: scene.solver.contact,
         precision: scene.solver.precision,
         cfl: 0.5,
         max_dt_s: None,

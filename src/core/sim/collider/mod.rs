@@ -40,7 +40,13 @@ impl Collider {
 
     /// The obstacle at time `t` (s), whether or not it exists then.
     pub fn at(&self, t: f64) -> Placed<'_> {
-        Placed { sdf: &self.sdf, motion: self.motion.at(t) }
+        Placed { sdf: &self.sdf, motion: self.motion.at(t), step: None }
+    }
+
+    /// The obstacle at time `t` (s), with the velocities that take it where it is `dt` (s) later.
+    pub fn over(&self, t: f64, dt: f64) -> Placed<'_> {
+        let step = (dt > 0.0 && self.motion.moves()).then(|| (self.motion.pose(t + dt), dt));
+        Placed { step, ..self.at(t) }
     }
 }
 
@@ -49,6 +55,8 @@ impl Collider {
 pub struct Placed<'a> {
     sdf: &'a Sdf,
     pub motion: Instant,
+    /// Where it is after a step, and how long that takes (s).
+    step: Option<(Pose, f64)>,
 }
 
 impl Placed<'_> {
@@ -62,9 +70,12 @@ impl Placed<'_> {
         self.sdf.slack()
     }
 
-    /// Velocity (m/s) of the obstacle at a point in space.
+    /// Velocity (m/s) of the obstacle at a point in space; over a step, the secant of its path. The
+    /// tangent would take what turns with it outwards, a little in every step.
     pub fn velocity_at(&self, x: [f64; 3]) -> [f64; 3] {
-        self.motion.velocity_at(x)
+        let Some((pose, dt)) = &self.step else { return self.motion.velocity_at(x) };
+        let to = pose.to_space(self.motion.pose.to_start(x));
+        std::array::from_fn(|a| (to[a] - x[a]) / dt)
     }
 
     /// Outward unit normal at a point, by central differences of half step `h` (m); engines use
@@ -80,6 +91,33 @@ impl Placed<'_> {
         });
         let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
         if length == 0.0 { [0.0; 3] } else { rotate(&pose.rotation, n.map(|a| a / length)) }
+    }
+
+    /// Share, from 0 to 1, of the way from `from` here to `to` in `then`, the same obstacle later, at
+    /// which a point that is outside comes within `least` (m) of the obstacle on its way towards it;
+    /// none if it does not. It is followed in steps no longer than its distance, so that no wall is
+    /// too thin.
+    pub fn meets(&self, then: &Self, from: [f64; 3], to: [f64; 3], least: f64) -> Option<f64> {
+        let [from, to] = [self.motion.pose.to_start(from), then.motion.pose.to_start(to)];
+        let way: [f64; 3] = std::array::from_fn(|a| to[a] - from[a]);
+        let length = (way[0] * way[0] + way[1] * way[1] + way[2] * way[2]).sqrt();
+        let first = self.sdf.distance(from);
+        if length == 0.0 || first < 0.0 || first - length > least {
+            return None;
+        }
+        // Distances of sampled shapes may change faster than the distance moved.
+        let trust = if self.sdf.slack() > 0.0 { 0.5 } else { 1.0 };
+        let (mut gone, mut before) = (0.0, first);
+        while gone < length {
+            let step = (trust * before - 0.5 * least).max(0.5 * before).max(1e-3 * least);
+            let next = (gone + step).min(length);
+            let here = self.sdf.distance(std::array::from_fn(|a| from[a] + next / length * way[a]));
+            if here < least && here < before {
+                return Some(if before < least { gone } else { next } / length);
+            }
+            (gone, before) = (next, here);
+        }
+        None
     }
 }
 

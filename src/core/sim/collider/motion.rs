@@ -15,6 +15,12 @@ pub struct Pose {
 }
 
 impl Pose {
+    /// Maps a point of the body's pose at time 0 to space.
+    pub fn to_space(&self, x: [f64; 3]) -> [f64; 3] {
+        let x = rotate(&self.rotation, x);
+        std::array::from_fn(|a| x[a] + self.translation[a])
+    }
+
     /// Maps a point in space to the body's pose at time 0.
     pub fn to_start(&self, x: [f64; 3]) -> [f64; 3] {
         let t = self.translation;

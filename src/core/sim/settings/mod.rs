@@ -71,6 +71,19 @@ impl Transfer {
     }
 }
 
+/// Where colliders act. Grips and the domain's walls act on nodes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ContactAt {
+    /// Nodes inside a collider take its velocity, as CK-MPM and HOT have it: the cell decides where
+    /// the face is, and plates thinner than two cells leak.
+    #[default]
+    Nodes,
+    /// Springs between particles and faces: faces lie where they are, and nothing passes through.
+    /// Explicit steps on the CPU.
+    Particles,
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Precision {

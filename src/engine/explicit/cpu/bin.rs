@@ -10,6 +10,7 @@ use super::tile::BLOCK;
 use crate::keys;
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::setup::{Axis, ContactKind};
+use gridfall_core::sim::touch::Touch;
 
 /// Where a particle goes, and where it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -150,7 +151,8 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         let body = |place: &Place| bodies[place.id as usize];
         let chunk = |source: &S, run: &[Place]| {
             let index = body(&run[0]);
-            let mut chunk = Chunk::empty(index, self.constants.bodies[index as usize].is_fluid());
+            let touch = self.springs.get(index as usize).map(Touch::new);
+            let mut chunk = Chunk::empty(index, self.constants.bodies[index as usize].is_fluid(), touch);
             for (lane, place) in run.iter().enumerate() {
                 fill(source, place.at as usize, &mut chunk, lane);
             }

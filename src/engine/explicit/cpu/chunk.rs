@@ -4,6 +4,7 @@
 use gridfall_core::maths::linalg::{Matrix, Vector, apply};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::kernel::{ShapeFunction, times_inverse_diagonal};
+use gridfall_core::sim::touch::Touch;
 
 /// Particles of a chunk.
 pub const LANES: usize = 16;
@@ -23,6 +24,8 @@ pub struct Chunk<T, const D: usize> {
     /// B = ½ Σ_s Σ_i w v_i (x_i − x_p)ᵀ / dx (m/s).
     pub b: [[Lanes<T>; D]; D],
     pub state: State<T, D>,
+    /// What the particles remember of contact, where colliders act on particles.
+    pub touch: Option<Box<Lanes<Touch>>>,
     /// Index in sampling order.
     pub id: Lanes<u32>,
     pub count: usize,
@@ -78,12 +81,13 @@ impl<T: Real, const D: usize> State<T, D> {
 
 impl<T: Real, const D: usize> Chunk<T, D> {
     /// No particles; lanes at rest in the middle of the block.
-    pub fn empty(body: u32, fluid: bool) -> Self {
+    pub fn empty(body: u32, fluid: bool, touch: Option<Touch>) -> Self {
         Self {
             x: [[T::TWO; LANES]; D],
             v: [[T::ZERO; LANES]; D],
             b: [[[T::ZERO; LANES]; D]; D],
             state: State::rest(fluid),
+            touch: touch.map(|touch| Box::new([touch; LANES])),
             id: [u32::MAX; LANES],
             count: 0,
             body,
@@ -97,6 +101,9 @@ impl<T: Real, const D: usize> Chunk<T, D> {
         }
         copy_matrix(&mut self.b, lane, &from.b, from_lane);
         self.state.copy(lane, &from.state, from_lane);
+        if let (Some(to), Some(from)) = (&mut self.touch, &from.touch) {
+            to[lane] = from[from_lane];
+        }
         self.id[lane] = from.id[from_lane];
     }
 }

@@ -114,7 +114,7 @@ impl Engine for CpuEngine {
             if control.canceled() {
                 return Err(EngineError::Canceled);
             }
-            reaction::add_all(&mut impulses, &self.stages.grid_update(kick_s, self.time_s));
+            reaction::add_all(&mut impulses, &self.stages.grid_update(kick_s, self.time_s, plan.dt_s));
             done += 1;
             let last = done == plan.steps;
             kick_s = if last && staggered { 0.5 * plan.dt_s } else { plan.dt_s };
@@ -131,7 +131,7 @@ impl Engine for CpuEngine {
                         self.stages.bin();
                         self.stages.p2g(kick_s);
                     }
-                    reaction::add_all(&mut impulses, &self.stages.grid_update(kick_s, self.time_s));
+                    reaction::add_all(&mut impulses, &self.stages.grid_update(kick_s, self.time_s, 0.0));
                     let moved = self.stages.g2p(0.0);
                     self.check(&moved)?;
                     isolated_reset += moved.isolated;

@@ -173,7 +173,7 @@ mod tests {
                 continue;
             }
             for round in 0..40 {
-                let mut chunk = Chunk::<f64, D>::empty(0, false);
+                let mut chunk = Chunk::<f64, D>::empty(0, false, None);
                 chunk.count = 1 + round % LANES;
                 let State::Solid { f: lanes, plastic } = &mut chunk.state else { unreachable!() };
                 for l in 0..chunk.count {

@@ -13,7 +13,7 @@ use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, State, Stencils, matrix, se
 use super::fill::{self, Around};
 use super::simulation::{BodySetup, Constants, Relaxation};
 use super::tile::{BLOCK, MASS, Node, SLACK, Walk, add_scaled, index, scale};
-use gridfall_core::maths::linalg::{add_scaled as add_scaled_matrix, det, mul, trace};
+use gridfall_core::maths::linalg::{add_scaled as add_scaled_matrix, det, double_dot, mul, trace};
 use gridfall_core::maths::real::Real;
 use gridfall_core::maths::widest::widest;
 use gridfall_core::sim::kernel::ShapeFunction;
@@ -182,15 +182,17 @@ fn relax<T: Real, const D: usize>(
     relaxation: &Relaxation<T>,
     chunk: &mut Chunk<T, D>,
     dt: T,
+    grad_v: &MatrixLanes<T, D>,
     fill: &Lanes<T>,
 ) {
-    let slow = relaxation.rate * dt;
-    let per_crowd = T::from_f64(1.0 / volume::CROWD);
+    let [stirred, noise] = [volume::STIRRED, volume::NOISE].map(T::from_f64);
     let (mut goal, mut share) = ([T::ONE; LANES], [T::ZERO; LANES]);
     for l in 0..LANES {
         let fill = (fill[l] / relaxation.full).max(T::ONE);
-        let crowd = (fill - T::ONE) * per_crowd;
-        share[l] = (slow * (T::ONE + crowd * crowd)).min(T::ONE);
+        let crowd = T::from_f64(5.0) * (fill - noise).max(T::ZERO);
+        let rates = matrix(grad_v, l);
+        let stirring = stirred * double_dot(&rates, &rates).sqrt();
+        share[l] = (dt * (relaxation.rate + stirring + relaxation.crowded * crowd * crowd)).min(T::ONE);
         goal[l] = T::ONE / fill.min(T::from_f64(volume::FULLEST));
     }
     match &mut chunk.state {
@@ -228,7 +230,7 @@ widest! {
     ) -> Moves<T> {
         let body = &constants.bodies[chunk.body as usize];
         if let Some(relaxation) = &body.relaxation {
-            relax(body, relaxation, chunk, dt, fill);
+            relax(body, relaxation, chunk, dt, grad_v, fill);
         }
         match &mut chunk.state {
             State::Fluid { j, grad_v: kept } => {

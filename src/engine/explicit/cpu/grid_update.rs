@@ -14,7 +14,7 @@ use gridfall_core::maths::real::Real;
 use gridfall_core::sim::collider::{NORMAL_STEP_DX, Placed};
 use gridfall_core::sim::contact::{ContactKind, mirrored, respond, stick_mirrored, wall_side};
 use gridfall_core::sim::reaction::{self, Reaction};
-use gridfall_core::sim::setup::{Axis, Contact, Setup};
+use gridfall_core::sim::setup::{Axis, Contact, ContactAt, Setup};
 
 /// Node velocities on sparse blocks of 4^D nodes.
 #[derive(Clone, Debug, Default)]
@@ -131,12 +131,19 @@ impl<T: Real, const D: usize> Grid<T, D> {
         tiles: &Tiles<T>,
         dt_s: f64,
         time_s: f64,
+        move_s: f64,
     ) -> Vec<Reaction> {
         let Constants { layout, follows, .. } = constants;
         let fall: [T; D] = std::array::from_fn(|a| T::from_f64(dt_s * setup.gravity[a]));
         let present = setup.colliders.iter().zip(reaction::WALLS..).filter(|(c, _)| c.is_present(time_s));
         let present: Vec<Surface> = present
-            .map(|(c, index)| Surface { index, contact: c.contact, grip: c.grip, collider: c.at(time_s) })
+            .map(|(c, index)| Surface {
+                index,
+                contact: c.contact,
+                grip: c.grip,
+                holds: c.grip || setup.contact_at == ContactAt::Nodes,
+                collider: c.over(time_s, move_s),
+            })
             .collect();
         let mut velocities = std::mem::take(&mut self.velocities);
         let nodes = self.tables.block_nodes();
@@ -173,7 +180,10 @@ impl<T: Real, const D: usize> Grid<T, D> {
                     let v = walls.respond(D, g, i, mass, v, &mut |wall, from, to| {
                         taken.take(wall, mass, from, to, [0.0; 3]);
                     });
-                    let v = near.iter().fold(v, |v, surface| collide(setup, surface, v, &at, &mut taken));
+                    let v = near
+                        .iter()
+                        .filter(|surface| surface.holds)
+                        .fold(v, |v, surface| collide(setup, surface, v, &at, &mut taken));
                     velocity[..D].copy_from_slice(&v);
                     velocity[MASS] = mass;
                 }
@@ -294,6 +304,8 @@ struct Surface<'a> {
     index: usize,
     contact: Contact,
     grip: bool,
+    /// Whether it acts on nodes.
+    holds: bool,
     collider: Placed<'a>,
 }
 

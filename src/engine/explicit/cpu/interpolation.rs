@@ -34,6 +34,7 @@ pub trait Interpolation<T, const D: usize>: Send + Sync {
         chunk: &Chunk<T, D>,
         dt: T,
         tau: &MatrixLanes<T, D>,
+        pushed: Option<&[Lanes<T>; D]>,
         tile: &mut [Node<T>],
     );
     /// [`isolated::find`].
@@ -75,9 +76,10 @@ impl<T: Real, K: ShapeFunction<G, W>, const D: usize, const G: usize, const W: u
         chunk: &Chunk<T, D>,
         dt: T,
         tau: &MatrixLanes<T, D>,
+        pushed: Option<&[Lanes<T>; D]>,
         tile: &mut [Node<T>],
     ) {
-        p2g::scatter::<T, K, D, G, W>(constants, chunk, dt, tau, tile);
+        p2g::scatter::<T, K, D, G, W>(constants, chunk, dt, tau, pushed, tile);
     }
 
     fn isolated(&self, constants: &Constants<T, D>, chunk: &Chunk<T, D>, tile: &[Node<T>]) -> Lanes<bool> {

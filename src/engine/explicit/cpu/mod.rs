@@ -17,6 +17,7 @@ mod simulation;
 mod stages;
 mod tables;
 mod tile;
+mod touch;
 
 pub use engine::CpuEngine;
 pub use grid_update::NodeState;

@@ -6,6 +6,7 @@ use super::simulation::Constants;
 use gridfall_core::maths::linalg::{Matrix, determinant, from_row_major, scaled_identity};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::touch::Touch;
 
 /// Particle states by index in sampling order.
 pub struct Narrow<T, const D: usize> {
@@ -18,6 +19,8 @@ pub struct Narrow<T, const D: usize> {
     f: Vec<Matrix<T, D>>,
     plastic: Vec<T>,
     pub body: Vec<u32>,
+    /// Of the first particles.
+    touch: Vec<Touch>,
 }
 
 impl<T: Real, const D: usize> Narrow<T, D> {
@@ -29,7 +32,7 @@ impl<T: Real, const D: usize> Narrow<T, D> {
         local: impl Fn(&[f64; 3]) -> [f64; D],
         dx: f64,
     ) -> Self {
-        let Particles { x, v, b, f, plastic, body } = particles;
+        let Particles { x, v, b, f, plastic, body, touch } = particles;
         let small = |v: [f64; D]| v.map(T::from_f64);
         let state = |(f, body): ([f64; 9], &u32)| {
             if constants.bodies[*body as usize].is_fluid() {
@@ -45,7 +48,13 @@ impl<T: Real, const D: usize> Narrow<T, D> {
             plastic: plastic.into_iter().map(T::from_f64).collect(),
             x: x.into_iter().map(|x| small(local(&x))).collect(),
             body,
+            touch,
         }
+    }
+
+    /// Particles, from the first on, whose contact is known.
+    pub fn known(&self) -> usize {
+        self.touch.len()
     }
 
     /// Writes a particle to a lane of a chunk.
@@ -61,6 +70,9 @@ impl<T: Real, const D: usize> Narrow<T, D> {
                 plastic[lane] = self.plastic[i];
             }
             State::Fluid { j, .. } => j[lane] = self.f[i][0][0],
+        }
+        if let (Some(to), Some(&from)) = (&mut chunk.touch, self.touch.get(i)) {
+            to[lane] = from;
         }
         chunk.id[lane] = i as u32;
     }

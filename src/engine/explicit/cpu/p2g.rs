@@ -17,12 +17,13 @@ use gridfall_core::sim::kernel::ShapeFunction;
 use gridfall_core::sim::setup::Transfer;
 
 widest! {
-    /// Adds a chunk's particles, whose stresses are `tau`, to its block's tile.
+    /// Adds a chunk's particles, whose stresses are `tau`, to its block's tile, with the impulses of what pushes them.
     pub fn scatter[T: Real, K: ShapeFunction<G, W>, const D: usize, const G: usize, const W: usize][T, K, D, G, W](
         constants: &Constants<T, D>,
         chunk: &Chunk<T, D>,
         dt: T,
         tau: &MatrixLanes<T, D>,
+        pushed: Option<&[Lanes<T>; D]>,
         tile: &mut [Node<T>],
     ) {
         let body = &constants.bodies[chunk.body as usize];
@@ -59,7 +60,7 @@ widest! {
             let mut pull = [[T::ZERO; 4]; D];
             let mut value = [T::ZERO; 4];
             for i in 0..D {
-                value[i] = body.mass * chunk.v[i][l];
+                value[i] = body.mass * chunk.v[i][l] + pushed.map_or(T::ZERO, |pushed| pushed[i][l]);
                 for k in 0..D {
                     column[k][i] = affine[i][k][l];
                     pull[k][i] = pulls[i][k][l];

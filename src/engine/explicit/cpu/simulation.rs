@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::bin::{self, Place};
-use super::chunk::{Chunk, MatrixLanes, State, matrix};
+use super::chunk::{Chunk, LANES, MatrixLanes, State, matrix};
 use super::fill::{self, Around, WallRoom};
 use super::flow;
 use super::g2p::{self, Moves};
@@ -12,13 +12,15 @@ use super::interpolation::{Interpolation, interpolation};
 use super::narrow::Narrow;
 use super::p2g;
 use super::tile::{BLOCK, Layout, Node};
+use super::touch::{self as touching, Contacts, Taken};
 use gridfall_core::material::Law;
 use gridfall_core::maths::linalg::{double_dot, scaled_identity, to_row_major};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::reaction::Reaction;
+use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::{Axis, Body, Setup, Transfer};
 use gridfall_core::sim::timestep::{Extremes, demands_at_rest_1_s2};
+use gridfall_core::sim::touch::{self, Springs, Touch};
 use gridfall_core::sim::volume;
 
 /// What all particles of a body share.
@@ -39,17 +41,19 @@ pub struct BodySetup<T> {
 /// [`volume::Relaxation`] in the simulation's scalar.
 #[derive(Clone, Copy, Debug)]
 pub struct Relaxation<T> {
-    /// 1/s.
+    /// At rest (1/s).
     pub rate: T,
+    /// What a crowd adds (1/s).
+    pub crowded: T,
     /// Fill that counts as full.
     pub full: T,
 }
 
 impl<T: Real> Relaxation<T> {
     fn of(setup: &Setup, body: &Body) -> Option<Self> {
-        let volume::Relaxation { rate_1_s, full } = volume::relaxation(setup, body)?;
-        let [rate, full] = [rate_1_s, full].map(T::from_f64);
-        Some(Self { rate, full })
+        let volume::Relaxation { rate_1_s, crowded_1_s, full } = volume::relaxation(setup, body)?;
+        let [rate, crowded, full] = [rate_1_s, crowded_1_s, full].map(T::from_f64);
+        Some(Self { rate, crowded, full })
     }
 }
 
@@ -100,6 +104,12 @@ pub struct Simulation<T, const D: usize> {
     /// Rest volumes at the nodes of the tiles, over dx^d; empty unless materials differ.
     pub(super) volumes: Vec<T>,
     pub(super) grid: Grid<T, D>,
+    /// Of contact at the particles, by body; empty where colliders act on nodes.
+    pub(super) springs: Vec<Springs>,
+    /// What colliders have taken from particles since the last grid update.
+    taken: Vec<Reaction>,
+    /// Time that particles have reached (s).
+    time_s: f64,
 }
 
 impl<T: Real, const D: usize> Simulation<T, D> {
@@ -125,6 +135,11 @@ impl<T: Real, const D: usize> Simulation<T, D> {
             follows,
             mixed: follows && volume::is_mixed(setup),
         };
+        let springs = if touch::acts(setup) {
+            setup.bodies.iter().map(|body| Springs::of(setup, body)).collect()
+        } else {
+            Vec::new()
+        };
         let mut simulation = Self {
             constants,
             setup: setup.clone(),
@@ -133,6 +148,9 @@ impl<T: Real, const D: usize> Simulation<T, D> {
             tiles: Vec::new(),
             volumes: Vec::new(),
             grid: Grid::default(),
+            springs,
+            taken: vec![Reaction::default(); reaction::surfaces(setup)],
+            time_s: 0.0,
         };
         simulation.load(particles);
         simulation
@@ -152,7 +170,9 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         let places = particles.x.par_iter().enumerate().map(place).collect();
         let mut states = Narrow::<T, D>::new(particles, &self.constants, |x| home(x).1, dx);
         let body = std::mem::take(&mut states.body);
+        let known = states.known();
         self.place(places, &body, states, Narrow::write, |_, _| {});
+        self.meet(known);
         self.start_frame();
     }
 
@@ -171,6 +191,22 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         });
     }
 
+    /// Particles from index `known` on meet the faces that are there.
+    fn meet(&mut self, known: usize) {
+        let surfaces = touching::surfaces(&self.setup, self.time_s, 0.0);
+        for block in &mut self.blocks {
+            let contacts = Contacts::of(&self.setup, &self.springs, &surfaces, &block.coordinates);
+            let Some(contacts) = contacts else { continue };
+            for chunk in &mut block.chunks {
+                let Some(mut touches) = chunk.touch.take() else { continue };
+                for l in (0..chunk.count).filter(|&l| chunk.id[l] as usize >= known) {
+                    contacts.meet(chunk, l, &mut touches[l], true);
+                }
+                chunk.touch = Some(touches);
+            }
+        }
+    }
+
     /// Particles that there are.
     pub fn count(&self) -> usize {
         self.blocks.iter().flat_map(|block| &block.chunks).map(|chunk| chunk.count).sum()
@@ -186,6 +222,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
             f: vec![[0.0; 9]; count],
             plastic: vec![0.0; count],
             body: vec![0; count],
+            touch: self.springs.first().map_or(Vec::new(), |springs| vec![Touch::new(springs); count]),
         };
         for block in &self.blocks {
             for chunk in &block.chunks {
@@ -215,6 +252,9 @@ impl<T: Real, const D: usize> Simulation<T, D> {
                 (to_row_major(&scaled_identity::<f64, D>(stretch), 1.0), 0.0)
             }
         };
+        if let Some(touches) = &chunk.touch {
+            p.touch[to] = touches[l];
+        }
         p.body[to] = chunk.body;
     }
 
@@ -245,9 +285,15 @@ impl<T: Real, const D: usize> Simulation<T, D> {
     }
 
     /// Tiles → node velocities at the end of a step of `dt_s` that starts at `time_s`; the impulses that surfaces take.
-    pub fn grid_update(&mut self, dt_s: f64, time_s: f64) -> Vec<Reaction> {
+    ///
+    /// The particles then move for `move_s` (s), or not at all.
+    pub fn grid_update(&mut self, dt_s: f64, time_s: f64, move_s: f64) -> Vec<Reaction> {
+        self.time_s = time_s;
         let tiles = Tiles { nodes: &self.tiles, volumes: &self.volumes };
-        self.grid.update(&self.setup, &self.constants, &tiles, dt_s, time_s)
+        let mut impulses = self.grid.update(&self.setup, &self.constants, &tiles, dt_s, time_s, move_s);
+        reaction::add_all(&mut impulses, &self.taken);
+        self.taken.fill(Reaction::default());
+        impulses
     }
 
     /// Node velocities → particles; the last step of a frame, which resets particles that are alone.
@@ -268,6 +314,8 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         let tile_size = constants.layout.tile(D);
         let mut volumes = self.volumes.chunks_exact_mut(tile_size);
         let tiles = self.blocks.iter_mut().zip(self.tiles.chunks_exact_mut(tile_size));
+        let (setup, springs, touches) = (&self.setup, &self.springs, !self.springs.is_empty());
+        let surfaces = touching::surfaces(setup, self.time_s + dt_s, dt_s);
         let work: Vec<BlockWork<T, D>> = tiles.map(|(block, tile)| (block, tile, volumes.next())).collect();
         // One thread a block; a block's particles go to its own tile.
         let step = |gathered: &mut Gathered<T>, (index, work): (usize, BlockWork<T, D>)| {
@@ -285,6 +333,8 @@ impl<T: Real, const D: usize> Simulation<T, D> {
             let (room, filled) = (gathered.room(), gathered.filled());
             let around = Around { walls: block.walls.as_deref(), room, filled };
             let mut fill = fill::nothing();
+            let contacts = Contacts::of(setup, springs, &surfaces, &block.coordinates);
+            let mut taken = Taken::default();
             let mut moves = Moves::default();
             let mut scratch: MatrixLanes<T, D> = block.chunks[0].b;
             for chunk in &mut block.chunks {
@@ -293,8 +343,16 @@ impl<T: Real, const D: usize> Simulation<T, D> {
                 if g2p {
                     let alone = (!p2g).then(|| interpolation.isolated(constants, chunk, velocities));
                     interpolation.gather(constants, chunk, velocities, &around, &mut scratch, &mut fill);
+                    let from = chunk.x;
                     moves =
                         moves.and(g2p::advance(constants, chunk, dt, &scratch, &fill, &block.inside, &block.planes));
+                    match &contacts {
+                        Some(contacts) if dt_s > 0.0 => {
+                            contacts.follow(chunk, &from, body.mass.to_f64(), dt_s, &mut taken);
+                        }
+                        None if touches => touching::release(springs, chunk),
+                        _ => {}
+                    }
                     if body.law.is_principal() {
                         flowed = Some(flow::flow(&body.law, chunk, &mut scratch));
                     }
@@ -306,15 +364,26 @@ impl<T: Real, const D: usize> Simulation<T, D> {
                 if p2g && !(moves.strayed || moves.diverged) {
                     let stiffening = flowed.unwrap_or_else(|| p2g::stress(&body.law, chunk, &mut scratch));
                     moves.demand = moves.demand.max(body.demand * stiffening);
-                    interpolation.scatter(constants, chunk, next, &scratch, tile);
+                    let mut pushed = None;
+                    if let Some(contacts) = &contacts {
+                        contacts.press(chunk, next_s, pushed.insert([[T::ZERO; LANES]; D]), &mut taken);
+                    }
+                    interpolation.scatter(constants, chunk, next, &scratch, pushed.as_ref(), tile);
                     if let Some(volumes) = &mut volumes {
                         interpolation.scatter_volume(constants, chunk, volumes);
                     }
                 }
             }
-            moves
+            (moves, taken)
         };
-        work.into_par_iter().enumerate().map_init(|| Gathered::new(tile_size), step).reduce(Moves::default, Moves::and)
+        let done: Vec<(Moves<T>, Taken)> =
+            work.into_par_iter().enumerate().map_init(|| Gathered::new(tile_size), step).collect();
+        self.time_s += dt_s;
+        // In the order of blocks: sums are the same for any number of threads.
+        done.into_iter().fold(Moves::default(), |moves, (block, taken)| {
+            taken.add_to(&mut self.taken);
+            moves.and(block)
+        })
     }
 }
 

@@ -41,10 +41,10 @@ pub trait Stages: Send {
     fn bin(&mut self);
     /// Mass, momentum and the impulse of a step's forces to the grid.
     fn p2g(&mut self, dt_s: f64);
-    /// Node velocities at the end of a step from `time_s`; surfaces stand where they are at its
-    /// start. Returns the impulses that they take, in the order of
+    /// Node velocities after forces of `dt_s`, for a motion of `move_s` (s) from `time_s`, or for none;
+    /// surfaces stand where they are at its start, and move by their secants. Returns the impulses that they take, in the order of
     /// [`gridfall_core::sim::reaction`].
-    fn grid_update(&mut self, dt_s: f64, time_s: f64) -> Vec<Reaction>;
+    fn grid_update(&mut self, dt_s: f64, time_s: f64, move_s: f64) -> Vec<Reaction>;
     /// Moves particles; as the last step of a frame, resets those that are alone on their nodes.
     fn g2p(&mut self, dt_s: f64) -> Moved;
     /// `g2p`, then `p2g` with forces for `next_s`, unless particles strayed.
@@ -76,8 +76,8 @@ impl<T: Real, const D: usize> Stages for Simulation<T, D> {
     fn p2g(&mut self, dt_s: f64) {
         Simulation::p2g(self, dt_s);
     }
-    fn grid_update(&mut self, dt_s: f64, time_s: f64) -> Vec<Reaction> {
-        Simulation::grid_update(self, dt_s, time_s)
+    fn grid_update(&mut self, dt_s: f64, time_s: f64, move_s: f64) -> Vec<Reaction> {
+        Simulation::grid_update(self, dt_s, time_s, move_s)
     }
     fn g2p(&mut self, dt_s: f64) -> Moved {
         Simulation::g2p(self, dt_s).into()

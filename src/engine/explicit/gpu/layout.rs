@@ -120,8 +120,8 @@ pub struct Body {
     pub demand: f32,
     pub rate: f32,
     pub full: f32,
-    pub spare0: u32,
-    pub spare1: u32,
+    pub crowded: f32,
+    pub spare: u32,
 }
 
 #[repr(C)]

@@ -32,7 +32,8 @@ impl SceneData {
                 material: b.material as u32,
                 demand: demand as f32,
                 rate: follows.map_or(0.0, |r| r.rate_1_s as f32),
-                full: follows.map_or(1.0, |r| r.full as f32),
+                crowded: follows.map_or(0.0, |r| r.crowded_1_s as f32),
+                full: follows.map_or(0.0, |r| r.full as f32),
                 ..layout::Body::default()
             }
         };

@@ -1,0 +1,167 @@
+//! Contact at the particles: springs between particles and the faces of colliders, of the
+//! material's own stiffness (docs/NUMERICS.md, "Contact at the particles").
+//!
+//! A particle of spacing h is pressed where it is nearer than its radius, half of h, to a face:
+//! K gap along the normal, K = E/dx h^(d−1). Friction and sticking are springs of the same K that
+//! the particle holds on to and carries along. They know where the face is, whatever the cells.
+
+use super::contact::{Contact, ContactKind};
+use super::setup::{Body, ContactAt, Setup};
+use super::timestep::moduli;
+
+/// Damping of a particle's spring, as a share of the critical.
+pub const DAMPING_RATIO: f64 = 0.1;
+
+/// Share of a particle's spacing at which it stands from a face that it would have gone through.
+pub const STANDOFF: f64 = 0.01;
+
+/// The springs of a body's particles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Springs {
+    /// N/m; 2D: N/m per metre.
+    pub stiffness: f64,
+    /// N s/m; 2D: per metre.
+    pub damping: f64,
+    /// Distance between particles at rest (m).
+    pub spacing: f64,
+}
+
+impl Springs {
+    pub fn of(setup: &Setup, body: &Body) -> Self {
+        let material = &setup.materials[body.material];
+        let modulus = material.elastic().map_or_else(|| moduli(material).0, |elastic| elastic.youngs_modulus);
+        let spacing = body.volume0.powf(1.0 / setup.dimension as f64);
+        let stiffness = modulus / setup.dx * spacing.powi(setup.dimension as i32 - 1);
+        Self { stiffness, damping: 2.0 * DAMPING_RATIO * (stiffness * body.mass).sqrt(), spacing }
+    }
+
+    /// The two terms of the stable step: 1 ≥ a dt² + b dt, for the particle's own mass (1/s², 1/s).
+    pub fn bound(&self, mass: f64) -> [f64; 2] {
+        let rate = (self.stiffness / mass).sqrt();
+        [0.25 * rate * rate, DAMPING_RATIO * rate]
+    }
+}
+
+/// Whether some collider acts on particles.
+pub fn acts(setup: &Setup) -> bool {
+    setup.contact_at == ContactAt::Particles && setup.colliders.iter().any(|collider| !collider.grip)
+}
+
+/// A face at a particle.
+#[derive(Clone, Copy, Debug)]
+pub struct Face {
+    /// Its collider, counted from 1.
+    pub collider: u32,
+    pub contact: Contact,
+    /// Of the particle (m).
+    pub distance: f64,
+    /// Unit normal towards the particle.
+    pub normal: [f64; 3],
+    /// m/s.
+    pub velocity: [f64; 3],
+}
+
+/// What a particle remembers of contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Touch {
+    /// Distance from a face below which the particle is pressed (m): half of its spacing, less if it
+    /// began nearer, so that bodies that begin in contact begin without force.
+    pub radius: f64,
+    /// How far the particle has been carried along the surface that it holds on to since its spring
+    /// was at rest (m); a sticky surface's spring has all directions.
+    pub stretch: [f64; 3],
+    /// The collider that it holds on to, counted from 1; 0 for none.
+    pub with: u32,
+}
+
+impl Touch {
+    /// Of a particle far from all faces.
+    pub fn new(springs: &Springs) -> Self {
+        Self { radius: 0.5 * springs.spacing, stretch: [0.0; 3], with: 0 }
+    }
+
+    /// Meets a face that is there without having come: at the start, or when its collider appears.
+    pub fn meet(&mut self, springs: &Springs, face: &Face) {
+        if face.contact.kind != ContactKind::Separate && face.distance <= 1.01 * springs.spacing && self.with == 0 {
+            (self.with, self.stretch, self.radius) = (face.collider, [0.0; 3], face.distance);
+        } else {
+            self.radius = self.radius.min(face.distance);
+        }
+    }
+
+    /// The force (N; 2D: N/m) of a face on the particle, whose velocity is `v` (m/s).
+    pub fn press(&mut self, springs: &Springs, face: &Face, v: &[f64; 3]) -> [f64; 3] {
+        let &Springs { stiffness, damping, spacing } = springs;
+        let n = &face.normal;
+        let relative = minus(v, &face.velocity);
+        let (gap, away) = (face.distance - self.radius, dot(&relative, n));
+        let held = self.with == face.collider;
+        if !held && gap >= 0.0 {
+            return [0.0; 3];
+        }
+        match face.contact.kind {
+            ContactKind::Sticky if held || self.with == 0 => {
+                if !held {
+                    (self.with, self.stretch) = (face.collider, n.map(|n| gap * n));
+                }
+                std::array::from_fn(|a| -stiffness * self.stretch[a] - damping * relative[a])
+            }
+            ContactKind::Slip if held && gap > 2.0 * spacing => {
+                *self = Self::new(springs);
+                [0.0; 3]
+            }
+            ContactKind::Slip if held || self.with == 0 => {
+                self.with = face.collider;
+                n.map(|n| (-stiffness * gap - damping * away) * n)
+            }
+            _ if gap >= 0.0 => {
+                (self.with, self.stretch) = (0, [0.0; 3]);
+                [0.0; 3]
+            }
+            _ => {
+                let push = (-stiffness * gap - damping * away).max(0.0);
+                let rub = self.rub(springs, face, &relative, face.contact.friction * push);
+                std::array::from_fn(|a| push * n[a] + rub[a])
+            }
+        }
+    }
+
+    /// Friction of at most `most`: a spring where the particle holds on, elsewhere what slows it.
+    fn rub(&mut self, springs: &Springs, face: &Face, relative: &[f64; 3], most: f64) -> [f64; 3] {
+        if self.with == 0 {
+            (self.with, self.stretch) = (face.collider, [0.0; 3]);
+        }
+        let held = self.with == face.collider;
+        let along = |u: &[f64; 3]| {
+            let away = dot(u, &face.normal);
+            std::array::from_fn(|a| u[a] - away * face.normal[a])
+        };
+        let stretch: [f64; 3] = if held { along(&self.stretch) } else { [0.0; 3] };
+        let slip: [f64; 3] = along(relative);
+        let mut force: [f64; 3] = std::array::from_fn(|a| -springs.stiffness * stretch[a] - springs.damping * slip[a]);
+        let size = dot(&force, &force).sqrt();
+        if size > most {
+            force = force.map(|f| f * most / size);
+        }
+        if held {
+            // Where it slides, the spring is as long as friction stretches it.
+            self.stretch = if size > most { force.map(|f| -f / springs.stiffness) } else { stretch };
+        }
+        force
+    }
+
+    /// The particle has left all faces behind by `nearest` (m): what was cut off of its radius grows again.
+    pub fn recover(&mut self, springs: &Springs, nearest: f64) {
+        if self.with == 0 {
+            self.radius = self.radius.max(nearest.min(0.5 * springs.spacing));
+        }
+    }
+}
+
+pub(crate) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn minus(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| a[k] - b[k])
+}

@@ -1,0 +1,246 @@
+//! Contact of a block's particles with the faces of colliders (see [`gridfall_core::sim::touch`]).
+//!
+//! After G2P has moved particles, none has gone through a face, and springs are carried along; P2G
+//! takes the springs' impulses. In: particles, colliders. Out: particles, impulses, and what
+//! colliders took. Distances are f64, and are asked for near colliders only.
+
+use super::chunk::{Chunk, Lanes};
+use super::tile::{BLOCK, SLACK};
+use gridfall_core::maths::real::Real;
+use gridfall_core::sim::collider::{NORMAL_STEP_DX, Placed, rotate, rotate_back};
+use gridfall_core::sim::reaction::{self, Reaction, WALLS};
+use gridfall_core::sim::setup::{Contact, ContactAt, Setup};
+use gridfall_core::sim::touch::{Face, STANDOFF, Springs, Touch};
+
+/// A collider that acts on particles, before a step and after it.
+pub struct Surface<'a> {
+    /// Among the scene's colliders.
+    index: usize,
+    contact: Contact,
+    before: Placed<'a>,
+    after: Placed<'a>,
+    /// It was not there before the step.
+    appears: bool,
+}
+
+impl Surface<'_> {
+    /// A point (m) that moves with the collider, after the step.
+    fn carried(&self, x: [f64; 3]) -> [f64; 3] {
+        self.after.motion.pose.to_space(self.before.motion.pose.to_start(x))
+    }
+
+    /// The face at a particle at `x` (m), after the step; `distance` is the particle's.
+    fn face(&self, x: [f64; 3], distance: f64, dx: f64) -> Face {
+        let step = NORMAL_STEP_DX * dx;
+        // On thin plates the differences stay on the particle's side.
+        let step = if distance > 0.0 { step.min(0.5 * distance) } else { step };
+        Face {
+            collider: self.index as u32 + 1,
+            contact: self.contact,
+            distance,
+            normal: self.after.normal(x, step),
+            velocity: self.after.velocity_at(x),
+        }
+    }
+}
+
+/// The colliders that act on particles, over the step of `dt` (s) that ends at `time` (s).
+pub fn surfaces(setup: &Setup, time: f64, dt: f64) -> Vec<Surface<'_>> {
+    if setup.contact_at == ContactAt::Nodes {
+        return Vec::new();
+    }
+    let acting = setup.colliders.iter().enumerate().filter(|(_, c)| !c.grip && c.is_present(time));
+    acting
+        .map(|(index, collider)| Surface {
+            index,
+            contact: collider.contact,
+            before: collider.at(time - dt),
+            after: collider.at(time),
+            appears: !collider.is_present(time - dt),
+        })
+        .collect()
+}
+
+/// What the particles of a block may touch.
+pub struct Contacts<'a> {
+    setup: &'a Setup,
+    /// By body.
+    springs: &'a [Springs],
+    near: Vec<&'a Surface<'a>>,
+    /// The block's node 0 (m).
+    corner: [f64; 3],
+}
+
+impl<'a> Contacts<'a> {
+    /// Those of a block; none if nothing is near. A distance changes by at most the distance moved (and a slack of
+    /// sampled shapes), so that the one at the block's middle decides.
+    pub fn of<const D: usize>(
+        setup: &'a Setup,
+        springs: &'a [Springs],
+        surfaces: &'a [Surface<'a>],
+        block: &[i32; D],
+    ) -> Option<Self> {
+        let (mut corner, mut middle) = ([0.0; 3], [0.0; 3]);
+        for a in 0..D {
+            corner[a] = setup.origin[a] + f64::from(BLOCK * block[a]) * setup.dx;
+            middle[a] = corner[a] + (0.5 * f64::from(BLOCK) + 0.25) * setup.dx;
+        }
+        // What strays and what surfaces move is within a cell each.
+        let reach = (0.5 * f64::from(BLOCK) + 0.25 + f64::from(SLACK)) * (D as f64).sqrt() + 2.0;
+        let is_near = |s: &&Surface| s.before.distance(middle) <= reach * setup.dx + s.before.slack();
+        let near: Vec<_> = surfaces.iter().filter(is_near).collect();
+        (!near.is_empty()).then_some(Self { setup, springs, near, corner })
+    }
+
+    fn place<T: Real, const D: usize>(&self, x: &[Lanes<T>; D], l: usize) -> [f64; 3] {
+        let mut place = self.corner;
+        for a in 0..D {
+            place[a] += self.setup.dx * x[a][l].to_f64();
+        }
+        place
+    }
+
+    /// Particles that are there meet the faces that are there.
+    pub fn meet<T: Real, const D: usize>(&self, chunk: &Chunk<T, D>, l: usize, touch: &mut Touch, all: bool) {
+        let (x, springs) = (self.place(&chunk.x, l), &self.springs[chunk.body as usize]);
+        for surface in self.near.iter().filter(|surface| all || surface.appears) {
+            let distance = surface.after.distance(x);
+            if distance <= 1.01 * springs.spacing {
+                touch.meet(springs, &surface.face(x, distance, self.setup.dx));
+            }
+        }
+    }
+
+    /// After a step of `dt` (s) that took particles from `from`: stops those that would go through a face, and carries
+    /// springs along.
+    pub fn follow<T: Real, const D: usize>(
+        &self,
+        chunk: &mut Chunk<T, D>,
+        from: &[Lanes<T>; D],
+        mass: f64,
+        dt: f64,
+        taken: &mut Taken,
+    ) {
+        let springs = &self.springs[chunk.body as usize];
+        let Some(mut touches) = chunk.touch.take() else { return };
+        for l in 0..chunk.count {
+            let (start, mut end) = (self.place(from, l), self.place(&chunk.x, l));
+            for surface in &self.near {
+                if let Some(share) = surface.before.meets(&surface.after, start, end, STANDOFF * springs.spacing) {
+                    end = self.stop(surface, [start, end], share, springs);
+                    self.check(surface, chunk, l, [start, end], mass, dt, taken);
+                }
+            }
+            let touch = &mut touches[l];
+            if touch.with == 0 {
+                continue;
+            }
+            match self.near.iter().find(|surface| surface.index as u32 + 1 == touch.with) {
+                Some(surface) => {
+                    let carried = surface.carried(start);
+                    let [before, after] = [&surface.before, &surface.after].map(|p| &p.motion.pose.rotation);
+                    let stretch = std::array::from_fn(|a| touch.stretch[a] + end[a] - carried[a]);
+                    touch.stretch = rotate(after, rotate_back(before, stretch));
+                }
+                None => *touch = Touch::new(springs),
+            }
+        }
+        chunk.touch = Some(touches);
+    }
+
+    /// Where a particle ends that meets a face after a `share` of its way: it slides along the face.
+    fn stop(&self, surface: &Surface, [start, end]: [[f64; 3]; 2], share: f64, springs: &Springs) -> [f64; 3] {
+        let carried = surface.carried(start);
+        let at: [f64; 3] = std::array::from_fn(|a| carried[a] + share * (end[a] - carried[a]));
+        let n = surface.face(at, surface.after.distance(at), self.setup.dx).normal;
+        let inward = (0..3).map(|a| (end[a] - at[a]) * n[a]).sum::<f64>().min(0.0);
+        let along: [f64; 3] = std::array::from_fn(|a| end[a] - inward * n[a]);
+        if surface.after.distance(along) < 0.25 * STANDOFF * springs.spacing { at } else { along }
+    }
+
+    /// Puts a particle where it was stopped, without the velocity that takes it there again.
+    #[allow(clippy::too_many_arguments)]
+    fn check<T: Real, const D: usize>(
+        &self,
+        surface: &Surface,
+        chunk: &mut Chunk<T, D>,
+        l: usize,
+        [start, end]: [[f64; 3]; 2],
+        mass: f64,
+        dt: f64,
+        taken: &mut Taken,
+    ) {
+        let n = surface.face(end, surface.after.distance(end), self.setup.dx).normal;
+        let carried = surface.carried(start);
+        let inward = (0..D).map(|a| (chunk.v[a][l].to_f64() - (carried[a] - start[a]) / dt) * n[a]).sum::<f64>();
+        for a in 0..D {
+            chunk.x[a][l] = T::from_f64((end[a] - self.corner[a]) / self.setup.dx);
+            chunk.v[a][l] -= T::from_f64(inward.min(0.0) * n[a]);
+        }
+        taken.take(self.setup, surface, n.map(|n| mass * inward.min(0.0) * n), end);
+    }
+
+    /// Impulses (N s; 2D: per metre) of the springs over `dt` (s).
+    pub fn press<T: Real, const D: usize>(
+        &self,
+        chunk: &mut Chunk<T, D>,
+        dt: f64,
+        impulses: &mut [Lanes<T>; D],
+        taken: &mut Taken,
+    ) {
+        let springs = &self.springs[chunk.body as usize];
+        let Some(mut touches) = chunk.touch.take() else { return };
+        for l in 0..chunk.count {
+            let touch = &mut touches[l];
+            self.meet(chunk, l, touch, false);
+            let x = self.place(&chunk.x, l);
+            let mut v = [0.0; 3];
+            for a in 0..D {
+                v[a] = chunk.v[a][l].to_f64();
+            }
+            let (mut sum, mut nearest) = ([0.0; 3], f64::INFINITY);
+            for surface in &self.near {
+                let distance = surface.after.distance(x);
+                nearest = nearest.min(distance);
+                if distance >= touch.radius && touch.with != surface.index as u32 + 1 {
+                    continue;
+                }
+                let force = touch.press(springs, &surface.face(x, distance, self.setup.dx), &v);
+                taken.take(self.setup, surface, force.map(|f| -f * dt), x);
+                sum = std::array::from_fn(|a| sum[a] + force[a]);
+            }
+            touch.recover(springs, nearest);
+            for a in 0..D {
+                impulses[a][l] = T::from_f64(sum[a] * dt);
+            }
+        }
+        chunk.touch = Some(touches);
+    }
+}
+
+/// What surfaces take from the particles of a block; empty until one takes something.
+#[derive(Clone, Debug, Default)]
+pub struct Taken(Vec<Reaction>);
+
+impl Taken {
+    fn take(&mut self, setup: &Setup, surface: &Surface, impulse: [f64; 3], at: [f64; 3]) {
+        if impulse == [0.0; 3] {
+            return;
+        }
+        self.0.resize(reaction::surfaces(setup), Reaction::default());
+        let center = surface.after.motion.center;
+        self.0[WALLS + surface.index].take(impulse, std::array::from_fn(|a| at[a] - center[a]));
+    }
+
+    pub fn add_to(&self, sums: &mut [Reaction]) {
+        reaction::add_all(sums, &self.0);
+    }
+}
+
+/// Releases the particles of a chunk that nothing is near.
+pub fn release<T: Real, const D: usize>(springs: &[Springs], chunk: &mut Chunk<T, D>) {
+    let springs = &springs[chunk.body as usize];
+    if let Some(touches) = &mut chunk.touch {
+        touches[..chunk.count].iter_mut().filter(|touch| touch.with != 0).for_each(|t| *t = Touch::new(springs));
+    }
+}
