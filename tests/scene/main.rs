@@ -1,7 +1,8 @@
-//! Scenes: documents, all their faults at once, shapes, bodies, meshes, and particles from files.
+//! Scenes: documents, all their faults at once, shapes, bodies, layers, meshes, and particles from files.
 
 mod bodies;
 mod cases;
+mod conforming;
 mod documents;
 mod faults;
 mod meshes;
