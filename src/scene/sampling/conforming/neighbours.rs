@@ -34,15 +34,16 @@ impl Cells {
     /// For each cell, in parallel: its points and those of the cells around it. The results follow one
     /// another in the order of the cells.
     pub fn map<T: Send, I: IntoIterator<Item = T>>(&self, each: impl Fn(&[u32], &[u32]) -> I + Sync) -> Vec<T> {
-        let row = |index: Index| {
-            let [first, last] = [-1, 1].map(|k| [index[0], index[1], index[2] + k]);
-            let start = self.cells.partition_point(|(cell, _)| *cell < first);
-            self.cells[start..].iter().take_while(move |(cell, _)| *cell <= last)
-        };
         let work = |(index, range): &(Index, Range<usize>)| {
-            let rows = (0..9).flat_map(|k| row([index[0] + k / 3 - 1, index[1] + k % 3 - 1, index[2]]));
-            let around: Vec<u32> = rows.flat_map(|(_, range)| self.order[range.clone()].iter().copied()).collect();
-            each(&self.order[range.clone()], &around).into_iter().collect::<Vec<T>>()
+            let mut around = Vec::new();
+            // Rows of cells along the last axis lie together.
+            for k in 0..9 {
+                let row = |along: i64| [index[0] + k / 3 - 1, index[1] + k % 3 - 1, index[2] + along];
+                let start = self.cells.partition_point(|(cell, _)| *cell < row(-1));
+                let cells = self.cells[start..].iter().take_while(|(cell, _)| *cell <= row(1));
+                cells.for_each(|(_, range)| around.extend_from_slice(&self.order[range.clone()]));
+            }
+            each(&self.order[range.clone()], &around)
         };
         self.cells.par_iter().flat_map_iter(work).collect()
     }
