@@ -38,7 +38,7 @@ pub(crate) fn even_per_axis(per_cell: u32, dimension: usize) -> Option<u32> {
 /// points; none if the body's sampling cannot have so many.
 pub(crate) fn particles_per_axis(body: &Body, dimension: usize) -> Option<f64> {
     let per_cell = particles_per_cell(body.particles_per_cell, dimension);
-    let any = body.sampling == Sampling::PoissonDisk || body.shape.is_none();
+    let any = matches!(body.sampling, Sampling::PoissonDisk | Sampling::Conforming) || body.shape.is_none();
     let root = || f64::from(per_cell).powf(1.0 / dimension as f64);
     even_per_axis(per_cell, dimension).map(f64::from).or_else(|| (any && per_cell > 0).then(root))
 }

@@ -1,5 +1,6 @@
 //! Physics of the CPU engine, the reference for the GPU: conservation, closed forms, contact.
 
+mod conforming;
 mod conservation;
 mod contact;
 mod elastic;

@@ -1,8 +1,9 @@
-//! Scenes: documents, all their faults at once, bounds of plausibility, shapes, bodies, meshes and what is
-//! mended in them, and particles from files.
+//! Scenes: documents, all their faults at once, bounds of plausibility, shapes, bodies, layers,
+//! meshes and what is mended in them, and particles from files.
 
 mod bodies;
 mod cases;
+mod conforming;
 mod documents;
 mod faults;
 mod mended;

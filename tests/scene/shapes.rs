@@ -346,7 +346,7 @@ fn sampled_mass_is_volume_times_density() {
             1.0 - PI * 0.09,
         ),
     ];
-    for sampling in ["regular", "jittered", "poisson-disk"] {
+    for sampling in ["regular", "jittered", "poisson-disk", "conforming"] {
         for (shape, volume) in &cases {
             let mut document =
                 serde_json::to_value(scene_with(&serde_json::from_value(shape.clone()).unwrap())).unwrap();

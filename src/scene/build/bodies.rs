@@ -21,10 +21,17 @@ fn fill(setup: &Setup, scene: &Scene, index: usize, sdf: &Sdf) -> (Vec<[f64; 3]>
     let points = |per_axis: f64| {
         lattice(&scene.domain, per_axis, sdf, d).clipped(setup.cells, per_axis, periodic(&scene.domain, d))
     };
-    let x = points(per_axis).sample(sdf, body.sampling, scene.seed, index as u64);
+    let lattice = points(per_axis);
+    let share = |volume: f64, x: &[[f64; 3]]| volume / x.len().max(1) as f64;
+    if body.sampling == Sampling::Conforming {
+        let (x, volume) = lattice.layers(sdf, scene.seed, index as u64);
+        let volume0 = share(volume, &x);
+        return (x, volume0);
+    }
+    let x = lattice.sample(sdf, body.sampling, scene.seed, index as u64);
     let volume0 = match body.sampling {
-        Sampling::Regular | Sampling::Jittered => setup.dx.powi(d as i32) / f64::from(per_cell),
-        Sampling::PoissonDisk => points(per_axis.ceil()).volume(sdf) / x.len().max(1) as f64,
+        Sampling::PoissonDisk => share(points(per_axis.ceil()).volume(sdf), &x),
+        _ => setup.dx.powi(d as i32) / f64::from(per_cell),
     };
     (x, volume0)
 }

@@ -6,6 +6,7 @@
 //! the centre of a block can decide for all points of the block. The cost of a count therefore
 //! grows with the surface of the solid.
 
+pub mod conforming;
 pub mod poisson;
 
 use std::ops::Range;
@@ -111,6 +112,17 @@ impl Lattice {
     /// Poisson-disk sampling at the density of the lattice.
     pub fn darts(&self) -> Darts {
         Darts::new(self.origin, self.spacing.powi(-(self.dimension as i32)), self.dimension)
+    }
+
+    /// Points in layers parallel to the surface, as dense as the lattice, and the volume (m^d) that
+    /// they share.
+    pub fn layers(&self, sdf: &Sdf, seed: u64, body: u64) -> (Vec<[f64; 3]>, f64) {
+        conforming::fill(self, sdf, seed, body)
+    }
+
+    /// Whether the solid is thick enough for a layer of points somewhere.
+    pub fn has_layers(&self, sdf: &Sdf) -> bool {
+        conforming::is_thick(self, sdf)
     }
 
     /// Lower and upper corner of the box that the cells of the lattice fill inside the grid.
@@ -253,7 +265,12 @@ fn indices(block: &Block) -> impl Iterator<Item = [i64; 3]> {
 
 /// The block cut across its longest axis; none if it is small enough.
 fn halves(block: &Block) -> Option<(Block, Block)> {
-    if points(block) <= LEAF_POINTS {
+    halves_above(block, LEAF_POINTS)
+}
+
+/// The block cut across its longest axis; none if it has no more points than `few`.
+fn halves_above(block: &Block, few: u64) -> Option<(Block, Block)> {
+    if points(block) <= few {
         return None;
     }
     let axis = (0..3).max_by_key(|&a| block[a].end - block[a].start).unwrap_or(0);

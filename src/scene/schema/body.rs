@@ -18,7 +18,8 @@ pub struct Body {
     pub shape: Option<Shape>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub points: Option<Points>,
-    /// Particles per cell, a d-th power of a whole number unless the sampling is `poisson-disk`; 8 by default (2D: 4).
+    /// Particles per cell; 8 by default (2D: 4). A d-th power of a whole number if the sampling is `regular` or
+    /// `jittered`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub particles_per_cell: Option<u32>,
     #[serde(default)]
@@ -67,4 +68,7 @@ pub enum Sampling {
     Jittered,
     /// Points at random with a least distance between them, seeded; `particles_per_cell` of them a cell on average.
     PoissonDisk,
+    /// Points in layers parallel to the surface, seeded: the first half a spacing dx / ppc^(1/d) below it, the others
+    /// a spacing apart, and a lattice deep inside. For curved bodies that roll or slide.
+    Conforming,
 }

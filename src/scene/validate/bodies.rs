@@ -70,15 +70,21 @@ fn check_body(check: &mut Check, at: &str, body: &Body) -> Option<u64> {
         let per_cell = particles_per_cell(body.particles_per_cell, d);
         let reason = format!("{per_cell} particles do not fill a cell evenly");
         let remedy = match d {
-            2 => "write a square: 1, 4, 9, 16, …, or sample by `poisson-disk`",
-            _ => "write a cube: 1, 8, 27, 64, …, or sample by `poisson-disk`",
+            2 => "write a square: 1, 4, 9, 16, …, or sample by `poisson-disk` or `conforming`",
+            _ => "write a cube: 1, 8, 27, 64, …, or sample by `poisson-disk` or `conforming`",
         };
         check.fault(&join(at, "particles_per_cell"), "not_a_power", reason, remedy);
     }
     check_initial_state(check, at, body);
     let shape = match (&body.shape, &body.points) {
         (Some(shape), None) => shape,
-        (None, Some(points)) => return check_points(check, at, body, points),
+        (None, Some(points)) => {
+            if body.sampling == Sampling::Conforming {
+                let reason = "`conforming` needs a surface, which points from a file do not have";
+                check.fault(&join(at, "sampling"), "needs_shape", reason, "take `sampling` out, or give a `shape`");
+            }
+            return check_points(check, at, body, points);
+        }
         (shape, _) => {
             let reason = match shape {
                 Some(_) => "`shape` is given beside `points`",
@@ -201,6 +207,12 @@ fn count_particles(check: &mut Check, at: &str, body: &Body, shape: &Shape, per_
             check.fault(at, "too_much_memory", reason, "raise dx, shrink the body, or write `jittered`");
             return None;
         }
+    }
+    if body.sampling == Sampling::Conforming && !inside.has_layers(&sdf) {
+        let reason = format!("the shape is nowhere as thick as the spacing of its particles, {} m", inside.spacing);
+        let remedy = "make it thicker, lower dx, raise particles_per_cell, or write another `sampling`";
+        check.fault(at, "too_thin", reason, remedy);
+        return None;
     }
     Some(particles)
 }
