@@ -15,15 +15,15 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::common;
 
-const DT_S: f64 = 4e-4;
+pub const DT_S: f64 = 4e-4;
 
 /// Three materials at a time.
-const ELASTIC: [&str; 3] = [
+pub const ELASTIC: [&str; 3] = [
     r#"{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 }"#,
     r#"{ "model": "neo-hookean", "density": 1500, "youngs_modulus": 2e4, "poissons_ratio": 0.4 }"#,
     r#"{ "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1e4, "viscosity": 2 }"#,
 ];
-const SOILS: [&str; 3] = [
+pub const SOILS: [&str; 3] = [
     r#"{ "model": "drucker-prager", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3,
         "friction_angle_degrees": 30 }"#,
     r#"{ "model": "nacc", "density": 1500, "youngs_modulus": 2e4, "poissons_ratio": 0.3, "M": 2.36, "beta": 0.5,
@@ -39,10 +39,10 @@ const GRAINS: [&str; 3] = [
         "friction_angle_degrees": 40 }"#,
 ];
 /// A fluid beside grains and a solid.
-const MIXED: [&str; 3] = [GRAINS[1], ELASTIC[2], ELASTIC[0]];
+pub const MIXED: [&str; 3] = [GRAINS[1], ELASTIC[2], ELASTIC[0]];
 const WATER: [&str; 3] = [ELASTIC[2]; 3];
 const SAND: [&str; 3] = [GRAINS[0]; 3];
-const METALS: [&str; 3] = [
+pub const METALS: [&str; 3] = [
     r#"{ "model": "von-mises", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3, "yield_stress": 500 }"#,
     r#"{ "model": "von-mises", "density": 1500, "youngs_modulus": 2e4, "poissons_ratio": 0.4, "yield_stress": 800,
         "elasticity": "fixed-corotated" }"#,
@@ -50,7 +50,7 @@ const METALS: [&str; 3] = [
 ];
 
 /// All wall kinds and contacts; a turned, moving, composite collider; a periodic axis.
-fn scene(kernel: &str, transfer: &str, [jelly, gum, water]: [&str; 3]) -> Problem {
+pub fn scene(kernel: &str, transfer: &str, [jelly, gum, water]: [&str; 3]) -> Problem {
     common::problem(&format!(
         r#"{{ "gridfall": 1, "name": "twins",
         "domain": {{ "min": [-0.3, 0.1, 0.2], "max": [0.7, 1.1, 1.2], "dx": 0.0625,
@@ -155,7 +155,7 @@ fn compare(gpu: &[GridNode], cpu: &Nodes, problem: &Problem, velocities: bool) -
 }
 
 /// Largest differences of x (dx), v (m/s), B (dx m/s) and F or the plastic state.
-fn compare_particles(a: &Particles, b: &Particles, dx: f64) -> [f64; 4] {
+pub fn compare_particles(a: &Particles, b: &Particles, dx: f64) -> [f64; 4] {
     let mut d = [0.0f64; 4];
     for id in 0..a.len() {
         for k in 0..3 {
@@ -172,7 +172,7 @@ fn compare_particles(a: &Particles, b: &Particles, dx: f64) -> [f64; 4] {
 }
 
 /// Differences after each stage of one step: mass and momentum, mass and velocity, then x, v, B, F.
-fn step(gpu_problem: &Problem, cpu_problem: &Problem) -> [f64; 8] {
+pub fn step(gpu_problem: &Problem, cpu_problem: &Problem) -> [f64; 8] {
     let mut cpu = f64_stages(cpu_problem);
     let mut engine = common::gpu_engine(gpu_problem);
     let (mut gpu, nodes) = Staged::p2g(&mut engine, DT_S).unwrap();
@@ -189,13 +189,13 @@ fn step(gpu_problem: &Problem, cpu_problem: &Problem) -> [f64; 8] {
 
 /// What f32 states and fixed-point sums with a quantum of 1.5e-8 full nodes can differ by in a
 /// step, with the speeds above.
-const TOLERANCE: [f64; 8] = [1e-6, 1e-5, 1e-6, 1e-5, 1e-6, 1e-5, 1e-5, 1e-5];
+pub const TOLERANCE: [f64; 8] = [1e-6, 1e-5, 1e-6, 1e-5, 1e-6, 1e-5, 1e-5, 1e-5];
 /// Beside a tip of NACC's surface the deviator goes with the root of the distance to the tip: among
 /// a few thousand states some amplify a rounding of J tenfold and more. The law by itself is
 /// compared in `gpu::law_tests`.
 const SOIL_TOLERANCE: [f64; 8] = [1e-6, 1e-5, 1e-6, 1e-5, 1e-6, 1e-5, 1e-5, 1e-4];
 
-fn agrees(differences: [f64; 8]) -> bool {
+pub fn agrees(differences: [f64; 8]) -> bool {
     differences.iter().zip(TOLERANCE).all(|(d, t)| *d <= t)
 }
 
@@ -222,7 +222,7 @@ fn stages_agree_on_random_states() {
     }
 }
 
-fn say(differences: &[f64; 8]) {
+pub fn say(differences: &[f64; 8]) {
     let [mass, momentum, again, velocity, x, v, b, f] = differences;
     println!(
         "mass {mass:.1e} momentum {momentum:.1e} | mass {again:.1e} velocity {velocity:.1e} \

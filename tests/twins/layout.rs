@@ -2,6 +2,7 @@
 
 use std::mem::offset_of;
 
+use gridfall_core::sim::touch;
 use gridfall_core::sim::volume;
 use gridfall_engine::explicit::gpu::layout;
 use gridfall_engine::gpu::{Shader, Variant, WORKGROUP};
@@ -45,12 +46,12 @@ fn shared_structs_agree() {
         first_kick, last_kick, last_step, end_dt, spare0, spare1, spare2, walls);
     twin!(m, Report: halt, error, error_particle, max_shift, max_speed, step, index, work_count, cursor, stale, needed,
         max_demand, isolated, finished, groups);
-    twin!(m, Body: mass, volume, material, demand, rate, full, crowded, spare);
+    twin!(m, Body: mass, volume, material, demand, rate, full, crowded, stiffness, damping, spacing, spare0, spare1);
     twin!(m, Material: model, a, b, c, d, e, spare0, spare1);
     twin!(m, SdfOp: r0, r1, r2, size, code, grid);
-    twin!(m, Collider: first, count, kind, friction);
+    twin!(m, Collider: first, count, kind, friction, slack, touches, spare0, spare1);
     twin!(m, Pose: r0, r1, r2, linear, angular, center);
-    twin!(m, Work: block, start, count, unused);
+    twin!(m, Work: block, start, count, touched);
     let m = parse("implicit/boundary");
     twin!(m, implicit, Params: blocks, particles, cells, dx, gravity, dt, pad, capacity, periodic, colliders, room,
         stride, rows,
@@ -124,7 +125,18 @@ fn shared_constants_agree() {
     }
     assert_eq!(number(&m, "STIRRED"), volume::STIRRED as f32);
     assert_eq!(number(&m, "NOISE"), volume::NOISE as f32);
+    assert_eq!(number(&m, "DENSEST"), volume::DENSEST as f32);
     assert_eq!(number(&m, "FULLEST"), volume::FULLEST as f32);
+    assert_eq!(number(&m, "GRADUAL"), volume::GRADUAL as f32);
+    let m = parse("explicit/touch");
+    for (name, rust) in [
+        ("STANDOFF", touch::STANDOFF),
+        ("BONDED", touch::BONDED),
+        ("SOFT", touch::SOFT),
+        ("LEAST_STEP", touch::LEAST_STEP_DX),
+    ] {
+        assert_eq!(number(&m, name), rust as f32, "{name}");
+    }
     let m = parse("implicit/linear/decide");
     for (name, rust) in [
         ("ACCEPTED", linear::ACCEPTED),

@@ -5,6 +5,7 @@ mod common;
 
 mod bookkeeping;
 mod claims;
+mod contact;
 mod explicit;
 mod frames;
 mod implicit;

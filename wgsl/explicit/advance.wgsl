@@ -1,7 +1,7 @@
 // What one particle does between gather and scatter: its volume follows the fill, x ← x + dt v,
 // F ← (I + dt ∇v) F, with the guards of the step.
 //
-// uses explicit/transfer, explicit/fill
+// uses explicit/transfer, explicit/fill, explicit/move
 
 struct Advanced {
     ok: bool,
@@ -11,12 +11,8 @@ struct Advanced {
     state: Deformation,
 }
 
-/// Cells from the domain's corner to a block's.
-fn block_corner(block: u32) -> vec3<f32> {
-    return vec3<f32>(4 * block_coordinates(block) - params.pad);
-}
-
-fn advance(corner: vec3<f32>, y: vec3<f32>, g: Gathered, before: Deformation, body: Body, id: u32, dt: f32,
+/// `to`: where it goes, as an offset in the old block.
+fn advance(corner: vec3<f32>, y: vec3<f32>, to: vec3<f32>, g: Gathered, before: Deformation, body: Body, id: u32, dt: f32,
     principal: ptr<function, Principal>) -> Advanced {
     var out: Advanced;
     let material = materials[body.material];
@@ -43,20 +39,7 @@ fn advance(corner: vec3<f32>, y: vec3<f32>, g: Gathered, before: Deformation, bo
     if (farthest > params.soft_shift || max(entries.x, max(entries.y, entries.z)) > params.soft_growth) {
         atomicOr(&report.halt, HALT_REPLAN);
     }
-    out.y = y + move_cells;
-    // The plane of a sticky wall stops those that come from inside.
-    for (var a = 0u; a < 3u; a++) {
-        if (params.periodic[a] == 0u) {
-            let low = -corner[a] - SHIFT;
-            let high = params.cells[a] - corner[a] - SHIFT;
-            if (u32(params.walls[2u * a].x) == STICKY && y[a] >= low) {
-                out.y[a] = max(out.y[a], low);
-            }
-            if (u32(params.walls[2u * a + 1u].x) == STICKY && y[a] <= high) {
-                out.y[a] = min(out.y[a], high);
-            }
-        }
-    }
+    out.y = to;
     let x = corner + out.y + SHIFT;
     let outside = (x < vec3<f32>(-1.0)) | (x > params.cells + 1.0);
     if (any(outside & (params.periodic == vec3<u32>(0u)))) {

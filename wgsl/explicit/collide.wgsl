@@ -22,10 +22,10 @@ fn collide(v_in: vec3<f32>, x: vec3<f32>, mass: f32, slot: u32) -> Met {
         if (pose.center.w != 0.0) {
             room *= inside(vec3<f32>(distance / params.dx)).x;
         }
-        if (distance > 0.0 || mass <= 0.0) {
+        if (distance > 0.0 || mass <= 0.0 || collider.touches != 0u) {
             continue;
         }
-        let n = surface_normal(collider, pose, local, params.dx);
+        let n = surface_normal(collider, pose, local, NORMAL_STEP * params.dx);
         let surface = surface_velocity(pose, x);
         let after = surface + contact(v - surface, n, collider.kind, collider.friction);
         take(slot, WALLS + c, mass * (v - after), (x - pose.center.xyz) / params.dx);

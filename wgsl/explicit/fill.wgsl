@@ -8,8 +8,12 @@
 const STIRRED: f32 = 0.3;
 /// Fill, over that which counts as full, up to which it is noise and no crowd.
 const NOISE: f32 = 1.1;
+/// Fill, over that which counts as full, beyond which crowds dissolve no faster.
+const DENSEST: f32 = 2.0;
 /// Fill, over that which counts as full, beyond which more does not count.
 const FULLEST: f32 = 1.25;
+/// Excess over full at which grains are corrected in full; below, in proportion.
+const GRADUAL: f32 = 0.02;
 
 /// Shares inside walls of the room of a node, by axis; `x`: its place (cells from the domain's
 /// corner).
@@ -55,16 +59,17 @@ fn fill_around(corner: vec3<f32>, y: vec3<f32>) -> f32 {
 fn relaxed(state: Deformation, model: u32, body: Body, dt: f32, growth: mat3x3<f32>, fill: f32) -> Deformation {
     var next = state;
     let over = max(fill / body.full, 1.0);
-    let crowd = 5.0 * max(over - NOISE, 0.0);
+    let crowd = 5.0 * max(min(over, DENSEST) - NOISE, 0.0);
     let rate = body.rate + body.crowded * crowd * crowd;
     let share = min(rate * dt + STIRRED * sqrt(norm2(growth)), 1.0);
     let goal = 1.0 / min(over, FULLEST);
     if (model == FLUID) {
         next.J += share * (goal - state.J);
-    } else if (fill > body.full) {
+    } else if (over > 1.0) {
         let volume = determinant(state.F) * exp(state.q);
         if (volume > goal) {
-            next.F = state.F * pow(1.0 + share * (goal / volume - 1.0), 1.0 / 3.0);
+            let weight = min((over - 1.0) / GRADUAL, 1.0);
+            next.F = state.F * pow(1.0 + weight * share * (goal / volume - 1.0), 1.0 / 3.0);
         }
     }
     return next;

@@ -5,7 +5,7 @@
 // src/engine/explicit/cpu/isolated.rs).
 // One workgroup a work item, one lane a particle at a time; every id is written by one lane.
 //
-// uses explicit/advance, explicit/state_io
+// uses explicit/advance, explicit/state_io, explicit/touched
 
 /// Others may add this share to Σ w m_i before a particle counts as accompanied.
 const ALONE = 1e-4;
@@ -59,7 +59,8 @@ fn main(
     load_nodes(lane);
     workgroupBarrier();
     for (var i = lane; i < job.count; i += WORKGROUP) {
-        let from_ = list[job.start + i];
+        let to = job.start + i;
+        let from_ = list[to];
         let packed = position_in[from_];
         let id = packed.w;
         let y = bitcast<vec3<f32>>(packed.xyz);
@@ -68,7 +69,12 @@ fn main(
         var g = gather(y);
         var principal: Principal;
         let before = load_deformation(from_, material.model);
-        var next = advance(corner, y, g, before, body, id, params.end_dt, &principal);
+        var at = moved(corner, y, g.v * (params.end_dt / params.dx));
+        if (job.touched != 0u) {
+            at = touched_offset(to);
+            g.v += touched_kick(to);
+        }
+        var next = advance(corner, y, at, g, before, body, id, params.end_dt, &principal);
         if (next.ok && is_alone(y, body.mass)) {
             atomicAdd(&report.isolated, 1u);
             next.state.F = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);

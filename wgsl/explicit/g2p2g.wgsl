@@ -6,7 +6,7 @@
 // One workgroup a work item, one lane a particle at a time; sums are integers in workgroup memory,
 // then in the grid.
 //
-// uses explicit/advance, explicit/state_io
+// uses explicit/advance, explicit/state_io, explicit/touched
 
 @compute @workgroup_size(WORKGROUP)
 fn main(
@@ -35,7 +35,13 @@ fn main(
         let material = materials[body.material];
         let g = gather(y);
         var principal: Principal;
-        let next = advance(corner, y, g, load_deformation(from_, material.model), body, id, params.dt, &principal);
+        var at = moved(corner, y, g.v * (params.dt / params.dx));
+        var kicked = g.v;
+        if (job.touched != 0u) {
+            at = touched_offset(to);
+            kicked += touched_kick(to);
+        }
+        let next = advance(corner, y, at, g, load_deformation(from_, material.model), body, id, params.dt, &principal);
         var destination = vec2<u32>(0xffffffffu, 0u);
         if (next.ok) {
             let stress = kirchhoff(next.state, principal, material, g.gradient * (1.0 / params.dx));
@@ -44,7 +50,7 @@ fn main(
             }
             let impulse = stress.tau * (body.volume * kick(report.index + 1u) / params.dx);
             let cells = filled_cells(next.state, material.model, body);
-            if (!scatter(id, next.y, body.mass, cells, g.v, g.B, impulse)) {
+            if (!scatter(id, next.y, body.mass, cells, kicked, g.B, impulse)) {
                 fail(ERROR_NAN, id);
             }
             let n = vec3<u32>(next.shift + vec3<i32>(1));

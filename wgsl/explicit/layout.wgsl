@@ -59,7 +59,8 @@ struct Report {
 }
 
 // A run of particles of one block, the work of one workgroup.
-struct Work { block: u32, start: u32, count: u32, unused: u32 }
+// touched: 1 if contact has left something for its particles (explicit/touched).
+struct Work { block: u32, start: u32, count: u32, touched: u32 }
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> report: Report;
@@ -88,6 +89,8 @@ struct Work { block: u32, start: u32, count: u32, unused: u32 }
 @group(0) @binding(24) var<storage, read> poses: array<Pose>;
 @group(0) @binding(25) var<storage, read> sdf_samples: array<f32>; // of all fields, x fastest (m)
 @group(0) @binding(26) var<storage, read_write> reactions: array<atomic<u32>>; // replica, surface, two words a sum
+
+@group(0) @binding(27) var<storage, read_write> touches: array<u32>; // by id, channel-major: holds, radius, stretch
 
 override WORKGROUP: u32 = 64u;
 

@@ -4,7 +4,7 @@
 // One workgroup a work item, one lane a particle at a time; sums are integers in workgroup memory,
 // then in the grid.
 //
-// uses explicit/transfer, explicit/fill, explicit/state_io
+// uses explicit/transfer, explicit/fill, explicit/state_io, explicit/touched
 
 @compute @workgroup_size(WORKGROUP)
 fn main(
@@ -33,6 +33,9 @@ fn main(
             B[0][k] = frame_velocity[(3u + k) * params.particles + id];
             B[1][k] = frame_velocity[(6u + k) * params.particles + id];
             B[2][k] = frame_velocity[(9u + k) * params.particles + id];
+        }
+        if (job.touched != 0u) {
+            v += touched_kick(to);
         }
         let grad_v = times_inverse_moment(B, y) * (1.0 / params.dx);
         let stress = kirchhoff(state, decompose(state, material.model), material, grad_v);

@@ -5,7 +5,7 @@
 // Scatter tile: nodes -1..6, because a particle moves less than a cell before it scatters.
 // Sums are integers: their order does not matter, so that runs repeat bit for bit.
 //
-// uses explicit/node
+// uses explicit/neighbours
 
 const READ = 6u;
 const READ_NODES = 216u;
@@ -17,7 +17,6 @@ var<workgroup> fill_tile: array<u32, READ_NODES * GRIDS>; // as `grid_update` pa
 var<workgroup> sum_tile: array<atomic<i32>, 4u * TILE_NODES * GRIDS>;
 var<workgroup> volume_tile: array<atomic<i32>, TILE_NODES * GRIDS>;
 var<workgroup> slots_out: array<u32, 27>;  // slot + 1 of each neighbour on the `_out` side
-var<workgroup> slots_in: array<u32, 8>;    // of the upper neighbours on the `_in` side
 var<workgroup> bin_counts: array<atomic<u32>, 27>;
 var<workgroup> bin_bases: array<u32, 27>;
 
@@ -40,19 +39,6 @@ fn open_scatter(block: u32, lane: u32) {
         for (var i = lane; i < TILE_NODES * GRIDS; i += WORKGROUP) {
             atomicStore(&volume_tile[i], 0);
         }
-    }
-}
-
-/// Looks up the neighbours on the `_in` side. A barrier must follow.
-fn open_gather(block: u32, lane: u32) {
-    let c = block_coordinates(block);
-    for (var i = lane; i < 8u; i += WORKGROUP) {
-        let b = block_index(c + vec3<i32>(vec3<u32>(i & 1u, (i >> 1u) & 1u, i >> 2u)));
-        var slot = 0u;
-        if (b >= 0) {
-            slot = table_in[b];
-        }
-        slots_in[i] = slot;
     }
 }
 

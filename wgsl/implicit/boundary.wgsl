@@ -83,7 +83,7 @@ fn meet_colliders(rule: ptr<function, Rule>, at: u32, x: vec3<f32>, falling: vec
         let h = vec4<f32>(arm, 1.0);
         let velocity = vec3<f32>(dot(sweeps[c].r0, h), dot(sweeps[c].r1, h), dot(sweeps[c].r2, h));
         let contact = vec2<f32>(f32(collider.kind), collider.friction);
-        let normal = surface_normal(collider, pose, local, params.dx);
+        let normal = surface_normal(collider, pose, local, NORMAL_STEP * params.dx);
         keep(rule, at, 6u + c, contact, normal, velocity, arm, falling);
     }
 }

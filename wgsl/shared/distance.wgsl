@@ -106,14 +106,14 @@ fn to_local(pose: Pose, x: vec3<f32>) -> vec3<f32> {
 }
 
 /// Outward unit normal at a place in the collider's coordinates, turned into the world; zero where
-/// the distance has no slope.
-fn surface_normal(collider: Collider, pose: Pose, local: vec3<f32>, dx: f32) -> vec3<f32> {
+/// the distance has no slope. By central differences of half step `h` (m).
+fn surface_normal(collider: Collider, pose: Pose, local: vec3<f32>, h: f32) -> vec3<f32> {
     // Central differences, in a loop so that the program is compiled once here.
     var gradient = vec3<f32>(0.0);
     for (var i = 0u; i < 6u; i++) {
         let sign = select(-1.0, 1.0, (i & 1u) == 1u);
         let axis = vec3<f32>(vec3<u32>(i >> 1u) == vec3<u32>(0u, 1u, 2u));
-        gradient += sign * axis * distance_to(collider, local + (sign * NORMAL_STEP * dx) * axis);
+        gradient += sign * axis * distance_to(collider, local + (sign * h) * axis);
     }
     let size = length(gradient);
     let n = select(vec3<f32>(0.0), gradient / size, size > 0.0);
@@ -121,6 +121,8 @@ fn surface_normal(collider: Collider, pose: Pose, local: vec3<f32>, dx: f32) -> 
     return n.x * pose.r0.xyz + n.y * pose.r1.xyz + n.z * pose.r2.xyz;
 }
 
+/// Over a step, the secant of the path.
 fn surface_velocity(pose: Pose, x: vec3<f32>) -> vec3<f32> {
-    return pose.linear.xyz + cross(pose.angular.xyz, x - pose.center.xyz);
+    let turning = cross(pose.angular.xyz, x - pose.center.xyz);
+    return pose.linear.xyz + turning + pose.angular.w * cross(pose.angular.xyz, turning);
 }

@@ -11,7 +11,11 @@ struct Body {
     rate: f32,   // at rest (1/s)
     full: f32,   // fill that counts as full
     crowded: f32, // what a crowd adds to the rate (1/s)
-    spare: u32,
+    stiffness: f32, // of contact at the particle (N/m), damping (N s/m) and distance between particles (m):
+    damping: f32,   // src/core/sim/touch.rs
+    spacing: f32,
+    spare0: u32,
+    spare1: u32,
 }
 
 // A fluid: a = K/γ, b = γ, c = viscosity. All others: a = μ, b = λ, and von Mises: c = √(2/3) σ_Y;
@@ -24,14 +28,25 @@ struct Material { model: u32, a: f32, b: f32, c: f32, d: f32, e: f32, spare0: u3
 // grid: first of `sdf_samples`, samples along each axis.
 struct SdfOp { r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32>, size: vec3<f32>, code: u32, grid: vec4<u32> }
 
-struct Collider { first: u32, count: u32, kind: u32, friction: f32 }
+// slack: by how much distances may differ beyond the distance between their points (m). touches: 1 if it acts
+// on particles, 0 on nodes.
+struct Collider {
+    first: u32,
+    count: u32,
+    kind: u32,
+    friction: f32,
+    slack: f32,
+    touches: u32,
+    spare0: u32,
+    spare1: u32,
+}
 
 // Kinds of contact; all others are separating.
 const STICKY = 0u;
 const SLIP = 1u;
 
-// Pose of a collider at a step: x_start = rotationᵀ (x - translation); velocity = linear + angular
-// × (x - center).
+// Pose of a collider at a step's start: x_start = rotationᵀ (x - translation); velocity over the
+// step = linear + angular × r + angular.w angular × (angular × r), r = x - center.
 struct Pose {
     r0: vec4<f32>, r1: vec4<f32>, r2: vec4<f32>, // rows of rotationᵀ; w = translation
     linear: vec4<f32>,                           // w = 1 while the collider is there, else 0

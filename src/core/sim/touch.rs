@@ -6,6 +6,7 @@
 //! the particle holds on to and carries along. They know where the face is, whatever the cells.
 
 use super::contact::{Contact, ContactKind};
+use super::particles::Particles;
 use super::setup::{Body, ContactAt, Setup};
 use super::timestep::moduli;
 
@@ -14,6 +15,15 @@ pub const DAMPING_RATIO: f64 = 0.1;
 
 /// Share of a particle's spacing at which it stands from a face that it would have gone through.
 pub const STANDOFF: f64 = 0.01;
+
+/// Depth, as a share of a particle's spacing, at which a face that only pushes damps in full.
+pub const SOFT: f64 = 0.01;
+
+/// Share of its spacing up to which a particle that finds a face there is bonded to it.
+pub const BONDED: f64 = 1.01;
+
+/// Least half step of the differences that give a face's normal, in dx: below it they are noise in f32.
+pub const LEAST_STEP_DX: f64 = 1.0 / 256.0;
 
 /// The springs of a body's particles.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,6 +55,31 @@ impl Springs {
 /// Whether some collider acts on particles.
 pub fn acts(setup: &Setup) -> bool {
     setup.contact_at == ContactAt::Particles && setup.colliders.iter().any(|collider| !collider.grip)
+}
+
+/// Lets particles that have met no faces yet meet those that are there at `time` (s).
+pub fn begin(setup: &Setup, particles: &mut Particles, time: f64) {
+    if !acts(setup) {
+        particles.touch.clear();
+        return;
+    }
+    let springs: Vec<Springs> = setup.bodies.iter().map(|body| Springs::of(setup, body)).collect();
+    let colliders: Vec<_> = (1..)
+        .zip(&setup.colliders)
+        .filter(|(_, collider)| !collider.grip && collider.is_present(time))
+        .map(|(number, collider)| (number, collider.contact, collider.at(time)))
+        .collect();
+    for id in particles.touch.len()..particles.len() {
+        let springs = &springs[particles.body[id] as usize];
+        let mut touch = Touch::new(springs);
+        for (number, contact, placed) in &colliders {
+            let distance = placed.distance(particles.x[id]);
+            if distance <= BONDED * springs.spacing {
+                touch.meet(springs, *number, *contact, distance);
+            }
+        }
+        particles.touch.push(touch);
+    }
 }
 
 /// A face at a particle.
@@ -81,11 +116,12 @@ impl Touch {
     }
 
     /// Meets a face that is there without having come: at the start, or when its collider appears.
-    pub fn meet(&mut self, springs: &Springs, face: &Face) {
-        if face.contact.kind != ContactKind::Separate && face.distance <= 1.01 * springs.spacing && self.with == 0 {
-            (self.with, self.stretch, self.radius) = (face.collider, [0.0; 3], face.distance);
+    /// `collider`: counted from 1; `distance` (m): of the particle.
+    pub fn meet(&mut self, springs: &Springs, collider: u32, contact: Contact, distance: f64) {
+        if contact.kind != ContactKind::Separate && distance <= BONDED * springs.spacing && self.with == 0 {
+            (self.with, self.stretch, self.radius) = (collider, [0.0; 3], distance);
         } else {
-            self.radius = self.radius.min(face.distance);
+            self.radius = self.radius.min(distance);
         }
     }
 
@@ -119,7 +155,9 @@ impl Touch {
                 [0.0; 3]
             }
             _ => {
-                let push = (-stiffness * gap - damping * away).max(0.0);
+                // What only just touches is not braked at once: the force has no jump.
+                let share = (-gap / (SOFT * spacing)).min(1.0);
+                let push = (-stiffness * gap - share * damping * away).max(0.0);
                 let rub = self.rub(springs, face, &relative, face.contact.friction * push);
                 std::array::from_fn(|a| push * n[a] + rub[a])
             }

@@ -7,7 +7,7 @@
 //!   fill = Σ w m_i / (ρ0 Σ w V_i),   V_i = dx^d times the share of node i's weight inside walls
 //!                                    and outside colliders
 //!   f = max(1, fill)
-//!   r = FALLING √(g/dx) + STIRRED ‖∇v‖ + CROWDED c/dx (max(0, f − NOISE)/0.2)²
+//!   r = FALLING √(g/dx) + STIRRED ‖∇v‖ + CROWDED c/dx (max(0, min(f, DENSEST) − NOISE)/0.2)²
 //!   J ← J + min(1, r dt) (1/min(f, FULLEST) − J)
 //!   J ← (1 + dt tr ∇v) J
 //!
@@ -33,11 +33,15 @@ pub const STIRRED: f64 = 0.3;
 pub const CROWDED: f64 = 0.01;
 /// Fill, over that which counts as full, up to which it is noise and no crowd.
 pub const NOISE: f64 = 1.1;
+/// Fill, over that which counts as full, beyond which crowds dissolve no faster.
+pub const DENSEST: f64 = 2.0;
 /// Fill, over that which counts as full, beyond which more does not count. A bound on what particles
 /// that lie on one another may do: a pressure of about half the bulk modulus.
 pub const FULLEST: f64 = 1.25;
 /// Fill up to which grains are left alone: packed at random, they do not fill all room evenly.
 pub const LOOSE: f64 = 1.02;
+/// Excess over full at which grains are corrected in full; below, in proportion, so that nothing jumps.
+pub const GRADUAL: f64 = 0.02;
 
 /// How a body's volume follows its fill.
 #[derive(Clone, Copy, Debug, PartialEq)]

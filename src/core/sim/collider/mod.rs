@@ -78,6 +78,23 @@ impl Placed<'_> {
         std::array::from_fn(|a| (to[a] - x[a]) / dt)
     }
 
+    /// Over a step: linear velocity l of its centre c (m/s), angular velocity w (rad/s) and κ (s), with
+    /// which [`Self::velocity_at`] is l + w × r + κ w × (w × r), r = x − c. κ is 0 at an instant.
+    pub fn rates(&self) -> ([f64; 3], [f64; 3], f64) {
+        let now = &self.motion;
+        let Some((after, dt)) = &self.step else { return (now.linear_velocity, now.angular_velocity, 0.0) };
+        // Turns by θ about a unit axis a: I + sin θ [a] + (1 − cos θ) [a]².
+        let rows: [[f64; 3]; 3] = std::array::from_fn(|i| {
+            let row = std::array::from_fn(|a| after.rotation[3 * i + a]);
+            rotate(&now.pose.rotation, row)
+        });
+        let axis = [rows[2][1] - rows[1][2], rows[0][2] - rows[2][0], rows[1][0] - rows[0][1]];
+        let cosine = 0.5 * (rows[0][0] + rows[1][1] + rows[2][2] - 1.0);
+        let center = after.to_space(now.pose.to_start(now.center));
+        let linear = std::array::from_fn(|a| (center[a] - now.center[a]) / dt);
+        (linear, axis.map(|a| 0.5 * a / dt), dt / (1.0 + cosine))
+    }
+
     /// Outward unit normal at a point, by central differences of half step `h` (m); engines use
     /// [`NORMAL_STEP_DX`] dx. Zero where the distance has no slope.
     pub fn normal(&self, x: [f64; 3], h: f64) -> [f64; 3] {
@@ -167,6 +184,25 @@ mod tests {
             assert!(collider.at(t).distance(at(t)).abs() < 1e-14);
             let back = collider.motion.pose(t).to_start(at(t));
             assert!((0..3).all(|a| (back[a] - start[a]).abs() < 1e-14));
+        }
+    }
+
+    #[test]
+    fn the_rates_of_a_step_are_its_secants() {
+        let collider = paddle();
+        for dt in [1e-4, 0.1, 0.9] {
+            let over = collider.over(0.7, dt);
+            let (l, w, kappa) = over.rates();
+            let cross = |a: [f64; 3], b: [f64; 3]| {
+                [0, 1, 2].map(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3])
+            };
+            let x = [0.9, -0.3, 0.4];
+            let r = [0, 1, 2].map(|a| x[a] - over.motion.center[a]);
+            let (turned, again) = (cross(w, r), cross(w, cross(w, r)));
+            let v = over.velocity_at(x);
+            for a in 0..3 {
+                assert!((l[a] + turned[a] + kappa * again[a] - v[a]).abs() < 1e-10, "axis {a}, dt {dt}");
+            }
         }
     }
 

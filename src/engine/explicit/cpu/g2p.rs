@@ -185,15 +185,15 @@ fn relax<T: Real, const D: usize>(
     grad_v: &MatrixLanes<T, D>,
     fill: &Lanes<T>,
 ) {
-    let [stirred, noise] = [volume::STIRRED, volume::NOISE].map(T::from_f64);
-    let (mut goal, mut share) = ([T::ONE; LANES], [T::ZERO; LANES]);
+    let [stirred, noise, densest] = [volume::STIRRED, volume::NOISE, volume::DENSEST].map(T::from_f64);
+    let (mut goal, mut share, mut over) = ([T::ONE; LANES], [T::ZERO; LANES], [T::ONE; LANES]);
     for l in 0..LANES {
-        let fill = (fill[l] / relaxation.full).max(T::ONE);
-        let crowd = T::from_f64(5.0) * (fill - noise).max(T::ZERO);
+        over[l] = (fill[l] / relaxation.full).max(T::ONE);
+        let crowd = T::from_f64(5.0) * (over[l].min(densest) - noise).max(T::ZERO);
         let rates = matrix(grad_v, l);
         let stirring = stirred * double_dot(&rates, &rates).sqrt();
         share[l] = (dt * (relaxation.rate + stirring + relaxation.crowded * crowd * crowd)).min(T::ONE);
-        goal[l] = T::ONE / fill.min(T::from_f64(volume::FULLEST));
+        goal[l] = T::ONE / over[l].min(T::from_f64(volume::FULLEST));
     }
     match &mut chunk.state {
         State::Fluid { j, .. } => {
@@ -202,12 +202,13 @@ fn relax<T: Real, const D: usize>(
             }
         }
         State::Solid { f: lanes, plastic } => {
-            for l in (0..chunk.count).filter(|&l| fill[l] > relaxation.full) {
+            for l in (0..chunk.count).filter(|&l| over[l] > T::ONE) {
                 let f = matrix(lanes, l);
                 let gained = body.law.gained_volume(plastic[l]).unwrap_or(T::ZERO);
                 let volume = det(&f) * gained.exp();
                 if volume > goal[l] {
-                    let change = share[l] * (goal[l] / volume - T::ONE);
+                    let weight = ((over[l] - T::ONE) / T::from_f64(volume::GRADUAL)).min(T::ONE);
+                    let change = weight * share[l] * (goal[l] / volume - T::ONE);
                     let stretch = (change.ln_1p() / T::from_i32(D as i32)).exp();
                     set_matrix(lanes, l, &f.map(|row| row.map(|f| f * stretch)));
                 }

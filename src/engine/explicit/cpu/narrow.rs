@@ -19,7 +19,7 @@ pub struct Narrow<T, const D: usize> {
     f: Vec<Matrix<T, D>>,
     plastic: Vec<T>,
     pub body: Vec<u32>,
-    /// Of the first particles.
+    /// Empty where colliders act on nodes.
     touch: Vec<Touch>,
 }
 
@@ -50,11 +50,6 @@ impl<T: Real, const D: usize> Narrow<T, D> {
             body,
             touch,
         }
-    }
-
-    /// Particles, from the first on, whose contact is known.
-    pub fn known(&self) -> usize {
-        self.touch.len()
     }
 
     /// Writes a particle to a lane of a chunk.

@@ -106,8 +106,10 @@ pub struct Simulation<T, const D: usize> {
     pub(super) grid: Grid<T, D>,
     /// Of contact at the particles, by body; empty where colliders act on nodes.
     pub(super) springs: Vec<Springs>,
-    /// What colliders have taken from particles since the last grid update.
-    taken: Vec<Reaction>,
+    /// What colliders have taken since the last grid update from particles that they stopped.
+    stopped: Vec<Reaction>,
+    /// What they take by the springs in the last transfer to the grid.
+    pressed: Vec<Reaction>,
     /// Time that particles have reached (s).
     time_s: f64,
 }
@@ -149,7 +151,8 @@ impl<T: Real, const D: usize> Simulation<T, D> {
             volumes: Vec::new(),
             grid: Grid::default(),
             springs,
-            taken: vec![Reaction::default(); reaction::surfaces(setup)],
+            stopped: vec![Reaction::default(); reaction::surfaces(setup)],
+            pressed: vec![Reaction::default(); reaction::surfaces(setup)],
             time_s: 0.0,
         };
         simulation.load(particles);
@@ -158,7 +161,8 @@ impl<T: Real, const D: usize> Simulation<T, D> {
 
     /// Replaces all particle states, and bins. What `particles` holds is given up piece by piece,
     /// as soon as it is stored in the simulation's scalar: at no time are there two copies.
-    pub fn load(&mut self, particles: Particles) {
+    pub fn load(&mut self, mut particles: Particles) {
+        touch::begin(&self.setup, &mut particles, self.time_s);
         let (origin, dx) = (self.setup.origin, self.setup.dx);
         let (cell, period) = (self.constants.layout.cell, self.constants.period);
         self.clear();
@@ -170,9 +174,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         let places = particles.x.par_iter().enumerate().map(place).collect();
         let mut states = Narrow::<T, D>::new(particles, &self.constants, |x| home(x).1, dx);
         let body = std::mem::take(&mut states.body);
-        let known = states.known();
         self.place(places, &body, states, Narrow::write, |_, _| {});
-        self.meet(known);
         self.start_frame();
     }
 
@@ -189,22 +191,6 @@ impl<T: Real, const D: usize> Simulation<T, D> {
                 }
             }
         });
-    }
-
-    /// Particles from index `known` on meet the faces that are there.
-    fn meet(&mut self, known: usize) {
-        let surfaces = touching::surfaces(&self.setup, self.time_s, 0.0);
-        for block in &mut self.blocks {
-            let contacts = Contacts::of(&self.setup, &self.springs, &surfaces, &block.coordinates);
-            let Some(contacts) = contacts else { continue };
-            for chunk in &mut block.chunks {
-                let Some(mut touches) = chunk.touch.take() else { continue };
-                for l in (0..chunk.count).filter(|&l| chunk.id[l] as usize >= known) {
-                    contacts.meet(chunk, l, &mut touches[l], true);
-                }
-                chunk.touch = Some(touches);
-            }
-        }
     }
 
     /// Particles that there are.
@@ -291,8 +277,10 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         self.time_s = time_s;
         let tiles = Tiles { nodes: &self.tiles, volumes: &self.volumes };
         let mut impulses = self.grid.update(&self.setup, &self.constants, &tiles, dt_s, time_s, move_s);
-        reaction::add_all(&mut impulses, &self.taken);
-        self.taken.fill(Reaction::default());
+        for taken in [&mut self.stopped, &mut self.pressed] {
+            reaction::add_all(&mut impulses, taken);
+            taken.fill(Reaction::default());
+        }
         impulses
     }
 
@@ -334,7 +322,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
             let around = Around { walls: block.walls.as_deref(), room, filled };
             let mut fill = fill::nothing();
             let contacts = Contacts::of(setup, springs, &surfaces, &block.coordinates);
-            let mut taken = Taken::default();
+            let [mut stopped, mut pressed] = [Taken::default(), Taken::default()];
             let mut moves = Moves::default();
             let mut scratch: MatrixLanes<T, D> = block.chunks[0].b;
             for chunk in &mut block.chunks {
@@ -348,7 +336,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
                         moves.and(g2p::advance(constants, chunk, dt, &scratch, &fill, &block.inside, &block.planes));
                     match &contacts {
                         Some(contacts) if dt_s > 0.0 => {
-                            contacts.follow(chunk, &from, body.mass.to_f64(), dt_s, &mut taken);
+                            contacts.follow(chunk, &from, body.mass.to_f64(), dt_s, &mut stopped);
                         }
                         None if touches => touching::release(springs, chunk),
                         _ => {}
@@ -366,7 +354,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
                     moves.demand = moves.demand.max(body.demand * stiffening);
                     let mut pushed = None;
                     if let Some(contacts) = &contacts {
-                        contacts.press(chunk, next_s, pushed.insert([[T::ZERO; LANES]; D]), &mut taken);
+                        contacts.press(chunk, next_s, pushed.insert([[T::ZERO; LANES]; D]), &mut pressed);
                     }
                     interpolation.scatter(constants, chunk, next, &scratch, pushed.as_ref(), tile);
                     if let Some(volumes) = &mut volumes {
@@ -374,14 +362,17 @@ impl<T: Real, const D: usize> Simulation<T, D> {
                     }
                 }
             }
-            (moves, taken)
+            (moves, stopped, pressed)
         };
-        let done: Vec<(Moves<T>, Taken)> =
+        let done: Vec<(Moves<T>, Taken, Taken)> =
             work.into_par_iter().enumerate().map_init(|| Gathered::new(tile_size), step).collect();
         self.time_s += dt_s;
+        // A transfer that is done again replaces what springs had given.
+        self.pressed.fill(Reaction::default());
         // In the order of blocks: sums are the same for any number of threads.
-        done.into_iter().fold(Moves::default(), |moves, (block, taken)| {
-            taken.add_to(&mut self.taken);
+        done.into_iter().fold(Moves::default(), |moves, (block, stopped, pressed)| {
+            stopped.add_to(&mut self.stopped);
+            pressed.add_to(&mut self.pressed);
             moves.and(block)
         })
     }

@@ -10,7 +10,7 @@ use gridfall_core::maths::real::Real;
 use gridfall_core::sim::collider::{NORMAL_STEP_DX, Placed, rotate, rotate_back};
 use gridfall_core::sim::reaction::{self, Reaction, WALLS};
 use gridfall_core::sim::setup::{Contact, ContactAt, Setup};
-use gridfall_core::sim::touch::{Face, STANDOFF, Springs, Touch};
+use gridfall_core::sim::touch::{BONDED, Face, LEAST_STEP_DX, STANDOFF, Springs, Touch};
 
 /// A collider that acts on particles, before a step and after it.
 pub struct Surface<'a> {
@@ -21,6 +21,8 @@ pub struct Surface<'a> {
     after: Placed<'a>,
     /// It was not there before the step.
     appears: bool,
+    /// Of the step (s).
+    dt: f64,
 }
 
 impl Surface<'_> {
@@ -33,14 +35,23 @@ impl Surface<'_> {
     fn face(&self, x: [f64; 3], distance: f64, dx: f64) -> Face {
         let step = NORMAL_STEP_DX * dx;
         // On thin plates the differences stay on the particle's side.
-        let step = if distance > 0.0 { step.min(0.5 * distance) } else { step };
+        let step = if distance > 0.0 { (0.5 * distance).clamp(LEAST_STEP_DX * dx, step) } else { step };
         Face {
             collider: self.index as u32 + 1,
             contact: self.contact,
             distance,
             normal: self.after.normal(x, step),
-            velocity: self.after.velocity_at(x),
+            velocity: self.arrival(x),
         }
+    }
+
+    /// The velocity (m/s) with which what the collider has at `x` got there: the secant of its path.
+    fn arrival(&self, x: [f64; 3]) -> [f64; 3] {
+        if self.dt == 0.0 {
+            return self.after.velocity_at(x);
+        }
+        let from = self.before.motion.pose.to_space(self.after.motion.pose.to_start(x));
+        std::array::from_fn(|a| (x[a] - from[a]) / self.dt)
     }
 }
 
@@ -57,6 +68,7 @@ pub fn surfaces(setup: &Setup, time: f64, dt: f64) -> Vec<Surface<'_>> {
             before: collider.at(time - dt),
             after: collider.at(time),
             appears: !collider.is_present(time - dt),
+            dt,
         })
         .collect()
 }
@@ -100,13 +112,12 @@ impl<'a> Contacts<'a> {
         place
     }
 
-    /// Particles that are there meet the faces that are there.
-    pub fn meet<T: Real, const D: usize>(&self, chunk: &Chunk<T, D>, l: usize, touch: &mut Touch, all: bool) {
-        let (x, springs) = (self.place(&chunk.x, l), &self.springs[chunk.body as usize]);
-        for surface in self.near.iter().filter(|surface| all || surface.appears) {
+    /// A particle meets the faces that appear.
+    fn meet(&self, x: [f64; 3], springs: &Springs, touch: &mut Touch) {
+        for surface in self.near.iter().filter(|surface| surface.appears) {
             let distance = surface.after.distance(x);
-            if distance <= 1.01 * springs.spacing {
-                touch.meet(springs, &surface.face(x, distance, self.setup.dx));
+            if distance <= BONDED * springs.spacing {
+                touch.meet(springs, surface.index as u32 + 1, surface.contact, distance);
             }
         }
     }
@@ -192,8 +203,8 @@ impl<'a> Contacts<'a> {
         let Some(mut touches) = chunk.touch.take() else { return };
         for l in 0..chunk.count {
             let touch = &mut touches[l];
-            self.meet(chunk, l, touch, false);
             let x = self.place(&chunk.x, l);
+            self.meet(x, springs, touch);
             let mut v = [0.0; 3];
             for a in 0..D {
                 v[a] = chunk.v[a][l].to_f64();

@@ -1,6 +1,6 @@
 //! Device memory of a simulation: every size in one place.
 
-use super::layout::{self, BLOCK_NODES, NODE_CHANNELS, VELOCITY_CHANNELS, WORK_MAX};
+use super::layout::{self, BLOCK_NODES, NODE_CHANNELS, TOUCH_CHANNELS, VELOCITY_CHANNELS, WORK_MAX};
 use super::scene::SceneSizes;
 use super::stages::Extent;
 use super::upload::DeviceState;
@@ -24,6 +24,8 @@ pub struct Counts {
     pub grids: usize,
     /// Deformation channels: 1 (fluids only), 9 or 10 (with plastic state).
     pub channels: usize,
+    /// Whether colliders act on particles.
+    pub touches: bool,
     pub scene: SceneSizes,
 }
 
@@ -56,7 +58,9 @@ impl Counts {
             storage("frame_velocity", particles * VELOCITY_CHANNELS * 4),
             storage("frame_deformation", deformation),
             storage("body_of", particles * 4),
-            self.scene.poses(CHUNK_STEPS),
+            // And where they are afterwards.
+            self.scene.poses(CHUNK_STEPS + 1),
+            storage("touches", if self.touches { particles * TOUCH_CHANNELS * 4 } else { 4 }),
             storage("reactions", layout::REPLICAS * self.scene.reaction_sums() * 8),
         ];
         buffers.extend(self.scene.buffers);
@@ -94,6 +98,9 @@ impl Buffers {
         self.memory.write(gpu, "body_of", first, body_of);
         channels("frame_velocity", &state.velocity);
         channels("frame_deformation", &state.deformation);
+        for (k, channel) in state.touches.chunks_exact(n.max(1)).enumerate() {
+            self.memory.write(gpu, "touches", k * stride + first, channel);
+        }
         self.live += n;
     }
 

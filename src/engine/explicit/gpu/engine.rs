@@ -20,6 +20,7 @@ use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::Setup;
 use gridfall_core::sim::timestep::{self, Extremes};
+use gridfall_core::sim::touch;
 
 /// Fixed-point units of a full node's mass, and of its momentum at the velocity of scale: 2^27
 /// leaves a factor of 4 up to the soft limit and 8 up to the hard one, and resolves 1e-8 of a full
@@ -100,10 +101,11 @@ impl GpuEngine {
     /// Loads a problem at time 0. `reason` says why this device was chosen.
     ///
     /// Errors: unsupported scenes, capacity, a lost device.
-    pub fn new(gpu: Arc<Gpu>, setup: &Setup, particles: Particles, reason: &str) -> Result<Self, EngineError> {
+    pub fn new(gpu: Arc<Gpu>, setup: &Setup, mut particles: Particles, reason: &str) -> Result<Self, EngineError> {
         super::supports(setup).map_err(EngineError::Unsupported)?;
         let mut layout = DeviceLayout::new(setup);
         let extremes = timestep::initial_extremes(setup, &particles);
+        touch::begin(setup, &mut particles, 0.0);
         let state = layout.state(&particles)?;
         let scene = SceneData::new(setup);
         let counts = Counts {
@@ -113,6 +115,7 @@ impl GpuEngine {
             capacity: layout.active_blocks(&state.position) * 5 / 4 + 64,
             grids: grid_offsets(setup.kernel).len(),
             channels: layout.channels,
+            touches: touch::acts(setup),
             scene: scene.sizes(),
         };
         let mut buffers = Buffers::new(&gpu, counts)?;
@@ -120,7 +123,7 @@ impl GpuEngine {
         layout.body_of = particles.body;
         scene.write(&gpu, &buffers.memory);
         let programs = Programs::new(Variant::of(setup));
-        let stages = Stages::new(Tools { gpu: &gpu, programs: &programs }, &buffers.memory);
+        let stages = Stages::new(Tools { gpu: &gpu, programs: &programs }, &buffers.memory, counts.touches);
         let backend = gpu.backend(reason);
         let params = layout.params(setup);
         let max_speed = extremes.speed_m_s + 3.0f64.sqrt() * setup.dx * extremes.affine_rate_1_s;
@@ -221,17 +224,18 @@ impl GpuEngine {
         Ok(self.memory().read::<Report>(&self.gpu, "report", 1)?[0])
     }
 
-    /// Collider poses of the steps `first..first + count` of the segment.
-    pub(super) fn write_poses(&mut self, first: u64, count: usize, dt_s: f64) {
+    /// Collider poses of the passes `first..first + count` of the segment, and those after them.
+    /// `moving`: passes that move particles; in the others velocities are those of an instant.
+    pub(super) fn write_poses(&mut self, first: u64, count: usize, dt_s: f64, moving: u64) {
         if self.setup.colliders.is_empty() {
             return;
         }
-        let poses: Vec<layout::Pose> = (0..count as u64)
-            .flat_map(|k| {
-                let t = self.time_s + (first + k) as f64 * dt_s;
-                self.setup.colliders.iter().map(move |c| (c, t))
+        let poses: Vec<layout::Pose> = (first..=first + count as u64)
+            .flat_map(|pass| {
+                let (t, move_s) = (self.time_s + pass as f64 * dt_s, if pass < moving { dt_s } else { 0.0 });
+                self.setup.colliders.iter().map(move |c| (c, t, move_s))
             })
-            .map(|(c, t)| scene::pose(c, self.setup.origin, t))
+            .map(|(c, t, move_s)| scene::pose(c, self.setup.origin, t, move_s))
             .collect();
         self.memory().write(&self.gpu, "poses", 0, &poses);
         self.params.first_step = first as u32;
@@ -257,6 +261,7 @@ impl GpuEngine {
         self.set_course(course);
         self.params.first_step = 0;
         self.write_params();
+        self.write_poses(0, 1, course.dt_s, 0);
         self.write_report(&Report::frame_start());
         self.gpu.submit(|encoder| {
             (0..2).for_each(|side| self.clear_side(encoder, side));
@@ -293,7 +298,7 @@ impl GpuEngine {
                 // bring it home as it is. If frames are staggered, forces have then acted for a
                 // whole step where half of one was due, unless it was the last pass anyway.
                 self.write_report(&Report { halt: 0, ..report });
-                self.write_poses(done, 1, dt_s);
+                self.write_poses(done, 1, dt_s, if staggered { done } else { done + 1 });
                 self.submit(self.stages.frame_end[(done % 2) as usize].iter());
                 let end = self.read_report()?;
                 if end.halt & layout::HALT_ERROR != 0 {
@@ -327,7 +332,7 @@ impl GpuEngine {
                 return Err(EngineError::Canceled);
             }
             let count = self.chunk.min((total - next) as usize);
-            self.write_poses(next, count, dt_s);
+            self.write_poses(next, count, dt_s, course.steps);
             let submission = self.submit((next..next + count as u64).flat_map(|k| self.stages_of(k, total)));
             next += count as u64;
             in_flight.push_back((submission, count));
@@ -358,7 +363,7 @@ impl GpuEngine {
         self.params.capacity = capacity as u32;
         self.write_params();
         let tools = Tools { gpu: &self.gpu, programs: &self.programs };
-        self.stages = Stages::new(tools, &self.buffers.memory);
+        self.stages = Stages::new(tools, &self.buffers.memory, self.buffers.counts.touches);
         // The interrupted activation left claims without slots.
         self.gpu.submit(|encoder| self.clear_side(encoder, 1 - side));
         tracing::debug!(old, capacity, "grid grown");
@@ -430,7 +435,8 @@ impl Engine for GpuEngine {
         })
     }
 
-    fn append(&mut self, particles: Particles) -> Result<(), EngineError> {
+    fn append(&mut self, mut particles: Particles) -> Result<(), EngineError> {
+        touch::begin(&self.setup, &mut particles, self.time_s);
         let state = self.layout.state(&particles)?;
         self.buffers.put_states(&self.gpu, &state, &particles.body);
         self.layout.body_of.extend(&particles.body);

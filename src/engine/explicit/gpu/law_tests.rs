@@ -95,7 +95,8 @@ pub(super) fn run(gpu: &Gpu, materials: &[Material], states: &[State], text: &st
     let (channels, one) = (10, 1);
     let bodies = vec![layout::Body::default()];
     let scene = SceneData { bodies, materials: materials.iter().map(material).collect(), ..SceneData::default() };
-    let counts = Counts { particles: n, table: one, capacity: one, grids: one, channels, scene: scene.sizes() };
+    let counts =
+        Counts { particles: n, table: one, capacity: one, grids: one, channels, touches: false, scene: scene.sizes() };
     let memory = Memory::new(gpu, &counts.sizes()).unwrap();
     let mut deformation = vec![0.0f32; channels * n];
     for (i, state) in states.iter().enumerate() {

@@ -9,6 +9,8 @@ pub const BLOCK_NODES: usize = 64;
 pub const NODE_CHANNELS: usize = 5;
 /// v and B of a particle.
 pub const VELOCITY_CHANNELS: usize = 12;
+/// What a particle remembers of contact: its collider, radius and stretch (`wgsl/explicit/touching.wgsl`).
+pub const TOUCH_CHANNELS: usize = 5;
 /// Blocks of room around a domain with walls: particles may stand a little beyond a wall, and
 /// scatter further.
 pub const PAD_BLOCKS: usize = 2;
@@ -121,7 +123,11 @@ pub struct Body {
     pub rate: f32,
     pub full: f32,
     pub crowded: f32,
-    pub spare: u32,
+    pub stiffness: f32,
+    pub damping: f32,
+    pub spacing: f32,
+    pub spare0: u32,
+    pub spare1: u32,
 }
 
 #[repr(C)]
@@ -155,6 +161,10 @@ pub struct Collider {
     pub count: u32,
     pub kind: u32,
     pub friction: f32,
+    pub slack: f32,
+    pub touches: u32,
+    pub spare0: u32,
+    pub spare1: u32,
 }
 
 #[repr(C)]
@@ -174,5 +184,5 @@ pub struct Work {
     pub block: u32,
     pub start: u32,
     pub count: u32,
-    pub unused: u32,
+    pub touched: u32,
 }

@@ -28,7 +28,6 @@ pub use readback::GridNode;
 pub use staged::Staged;
 
 use gridfall_core::sim::setup::{Kernel, Precision, Setup, Transfer};
-use gridfall_core::sim::touch;
 
 /// Whether the GPU engine can run a problem at all; the reason if not.
 pub fn supports(setup: &Setup) -> Result<(), String> {
@@ -40,9 +39,6 @@ pub fn supports(setup: &Setup) -> Result<(), String> {
     }
     if setup.transfer == Transfer::Pic {
         return Err("the GPU engine has the transfers apic, mls and mls-published".into());
-    }
-    if touch::acts(setup) {
-        return Err("the GPU engine has contact at nodes only (solver.contact)".into());
     }
     if setup.precision != Precision::F32 {
         return Err("the GPU engine is f32 only".into());

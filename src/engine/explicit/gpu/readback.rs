@@ -1,7 +1,7 @@
 //! States from the device: particles at a frame boundary, grid nodes for comparison with the CPU.
 
 use super::buffers::Buffers;
-use super::layout::{BLOCK_NODES, NODE_CHANNELS, Params, REACTION_UNITS, REPLICAS, VELOCITY_CHANNELS};
+use super::layout::{BLOCK_NODES, NODE_CHANNELS, Params, REACTION_UNITS, REPLICAS, TOUCH_CHANNELS, VELOCITY_CHANNELS};
 use super::upload::{DeviceLayout, grid_offsets};
 use crate::contract::EngineError;
 use crate::gpu::Gpu;
@@ -28,7 +28,12 @@ pub fn particles(gpu: &Gpu, b: &Buffers, layout: &DeviceLayout) -> Result<Partic
     let position: Vec<[u32; 4]> = b.memory.read(gpu, "frame_position", b.live)?;
     let velocity: Vec<f32> = b.memory.read(gpu, "frame_velocity", VELOCITY_CHANNELS * n)?;
     let deformation: Vec<f32> = b.memory.read(gpu, "frame_deformation", b.counts.channels * n)?;
-    Ok(layout.particles(&position, &velocity, &deformation, n))
+    let mut particles = layout.particles(&position, &velocity, &deformation, n);
+    if b.counts.touches {
+        let touches: Vec<u32> = b.memory.read(gpu, "touches", TOUCH_CHANNELS * n)?;
+        particles.touch = DeviceLayout::touches(&touches, b.live, n);
+    }
+    Ok(particles)
 }
 
 /// What the surfaces took since the sums were cleared: impulses and moments.

@@ -7,8 +7,9 @@ use gridfall_core::material::Law;
 use gridfall_core::material::parameters::Elasticity;
 use gridfall_core::sim::collider::{Collider, Primitive, SdfOp};
 use gridfall_core::sim::reaction::WALLS;
-use gridfall_core::sim::setup::{Body, Contact, ContactKind, Material, Setup};
+use gridfall_core::sim::setup::{Body, Contact, ContactAt, ContactKind, Material, Setup};
 use gridfall_core::sim::timestep::demands_at_rest_1_s2;
+use gridfall_core::sim::touch::Springs;
 use gridfall_core::sim::volume;
 
 /// What of a scene stays the same in every step, by the names of its buffers. Signed distance
@@ -26,6 +27,7 @@ impl SceneData {
     pub fn new(setup: &Setup) -> Self {
         let body = |(b, demand): (&Body, f64)| {
             let follows = volume::relaxation(setup, b);
+            let springs = Springs::of(setup, b);
             layout::Body {
                 mass: b.mass as f32,
                 volume: b.volume0 as f32,
@@ -34,6 +36,9 @@ impl SceneData {
                 rate: follows.map_or(0.0, |r| r.rate_1_s as f32),
                 crowded: follows.map_or(0.0, |r| r.crowded_1_s as f32),
                 full: follows.map_or(0.0, |r| r.full as f32),
+                stiffness: springs.stiffness as f32,
+                damping: springs.damping as f32,
+                spacing: springs.spacing as f32,
                 ..layout::Body::default()
             }
         };
@@ -48,6 +53,9 @@ impl SceneData {
                 count: c.sdf.ops.len() as u32,
                 kind: contact_code(c.contact),
                 friction: c.contact.friction as f32,
+                slack: c.sdf.slack() as f32,
+                touches: u32::from(setup.contact_at == ContactAt::Particles && !c.grip),
+                ..layout::Collider::default()
             });
             let samples = &mut data.sdf_samples;
             data.sdf_ops.extend(c.sdf.ops.iter().map(|op| sdf_op(op, setup.origin, samples)));
@@ -157,9 +165,12 @@ fn sdf_op(op: &SdfOp, origin: [f64; 3], samples: &mut Vec<f32>) -> layout::SdfOp
     }
 }
 
-/// Pose of a collider at a time, for positions relative to `domain.min`.
-pub fn pose(collider: &Collider, origin: [f64; 3], time_s: f64) -> layout::Pose {
-    let now = collider.motion.at(time_s);
+/// Pose of a collider at a time, for positions relative to `domain.min`; velocities are those of the
+/// `move_s` (s) that follow ([`Collider::over`]).
+pub fn pose(collider: &Collider, origin: [f64; 3], time_s: f64, move_s: f64) -> layout::Pose {
+    let placed = collider.over(time_s, move_s);
+    let now = placed.motion;
+    let (linear, angular, secant) = placed.rates();
     let (r, t) = (now.pose.rotation, now.pose.translation);
     // x_start + origin = Rᵀ (x + origin - t)  ⇒  x_start = Rᵀ (x - t'), t' = t - origin + R origin
     let shifted: [f64; 3] =
@@ -172,8 +183,8 @@ pub fn pose(collider: &Collider, origin: [f64; 3], time_s: f64) -> layout::Pose 
         r0: row(0),
         r1: row(1),
         r2: row(2),
-        linear: with(now.linear_velocity, if present { 1.0 } else { 0.0 }),
-        angular: with(now.angular_velocity, 0.0),
+        linear: with(linear, if present { 1.0 } else { 0.0 }),
+        angular: with(angular, secant as f32),
         center: with(center, if present && !collider.grip { 1.0 } else { 0.0 }),
     }
 }

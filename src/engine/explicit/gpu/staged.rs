@@ -30,7 +30,7 @@ impl<'a> Staged<'a> {
 
     /// Takes a whole step, from one transfer to the grid to the next.
     pub fn g2p2g(&mut self) -> Result<(), EngineError> {
-        self.engine.write_poses(self.steps, 1, self.dt_s);
+        self.engine.write_poses(self.steps, 1, self.dt_s, u64::MAX);
         self.engine.submit(self.engine.stages.step[self.side()].iter());
         self.steps += 1;
         self.check()
@@ -44,7 +44,7 @@ impl<'a> Staged<'a> {
 
     /// Updates the grid; the nodes carry velocity.
     pub fn grid_update(&mut self) -> Result<Vec<GridNode>, EngineError> {
-        self.engine.write_poses(self.steps, 1, self.dt_s);
+        self.engine.write_poses(self.steps, 1, self.dt_s, u64::MAX);
         self.engine.submit(self.engine.stages.frame_end[self.side()].iter().take(UPDATED));
         self.nodes(true)
     }

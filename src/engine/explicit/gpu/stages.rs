@@ -29,6 +29,7 @@ pub const FRAME_START: &[Stage] = &[
     ("explicit/offsets", Device(Groups::SlotsOut)),
     ("explicit/bin", Device(Groups::Particles)),
     ("explicit/launch", One),
+    ("explicit/touch_start", Device(Groups::Work)),
     ("explicit/p2g", Device(Groups::Work)),
 ];
 
@@ -41,6 +42,7 @@ pub const STEP: &[Stage] = &[
     ("explicit/commit", One),
     ("explicit/grid_update", Device(Groups::BlocksIn)),
     ("explicit/clear", Device(Groups::BlocksOut)),
+    ("explicit/touch", Device(Groups::Work)),
     ("explicit/g2p2g", Device(Groups::Work)),
     ("explicit/offsets", Device(Groups::SlotsOut)),
     ("explicit/bin", Device(Groups::Particles)),
@@ -50,6 +52,7 @@ pub const STEP: &[Stage] = &[
 pub const FRAME_END: &[Stage] = &[
     ("explicit/prepare", One),
     ("explicit/grid_update", Device(Groups::BlocksIn)),
+    ("explicit/touch_end", Device(Groups::Work)),
     ("explicit/g2p", Device(Groups::Work)),
 ];
 
@@ -68,8 +71,13 @@ pub struct Stages {
 }
 
 impl Stages {
-    pub fn new(tools: Tools, memory: &Memory) -> Self {
-        let on = |side, list| Dispatches::new(tools, list, &Scope::default().and_side(memory, side));
+    /// `touches`: whether colliders act on particles; the stages of contact are left out otherwise.
+    pub fn new(tools: Tools, memory: &Memory, touches: bool) -> Self {
+        let on = |side, list: &[Stage]| {
+            let list: Vec<Stage> =
+                list.iter().filter(|(name, _)| touches || !name.starts_with("explicit/touch")).copied().collect();
+            Dispatches::new(tools, &list, &Scope::default().and_side(memory, side))
+        };
         Self {
             frame_start: on(1, FRAME_START),
             step: [0, 1].map(|side| on(side, STEP)),

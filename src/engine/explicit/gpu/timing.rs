@@ -35,7 +35,7 @@ impl GpuEngine {
         let course = Course::of(&self.setup, dt_s, steps, 0.0);
         let passes = course.passes();
         self.start(&course);
-        self.write_poses(0, passes as usize, dt_s);
+        self.write_poses(0, passes as usize, dt_s, steps);
         let dispatches: Vec<_> = (0..passes).flat_map(|k| self.stages_of(k, passes)).collect();
         let queries = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
             label: Some("stages"),

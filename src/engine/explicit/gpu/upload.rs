@@ -1,11 +1,12 @@
 //! Coordinates and particle states as device data.
 
-use super::layout::{self, PAD_BLOCKS, Params};
+use super::layout::{self, PAD_BLOCKS, Params, TOUCH_CHANNELS};
 use super::scene::contact_code;
 use crate::contract::EngineError;
 use gridfall_core::maths::linalg::{det, from_row_major};
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::{Axis, Kernel, Material, Setup};
+use gridfall_core::sim::touch::Touch;
 use gridfall_core::sim::volume;
 
 /// Cells by which a kernel's base node is shifted: y = x/dx - shift has floor(y) as its first node
@@ -53,6 +54,8 @@ pub struct DeviceState {
     pub position: Vec<[u32; 4]>,
     pub velocity: Vec<f32>,
     pub deformation: Vec<f32>,
+    /// Empty where colliders act on nodes.
+    pub touches: Vec<u32>,
 }
 
 impl DeviceLayout {
@@ -115,7 +118,14 @@ impl DeviceLayout {
             position: Vec::with_capacity(n),
             velocity: vec![0.0; 12 * n],
             deformation: vec![0.0; self.channels * n],
+            touches: vec![0; TOUCH_CHANNELS * particles.touch.len()],
         };
+        for (id, touch) in particles.touch.iter().enumerate() {
+            state.touches[id] = touch.with;
+            for (k, value) in (1..).zip([touch.radius].iter().chain(&touch.stretch)) {
+                state.touches[k * n + id] = (*value as f32).to_bits();
+            }
+        }
         for id in 0..n {
             state.position.push(self.position(particles.x[id]).ok_or_else(|| EngineError::LeftDomain {
                 step: 0,
@@ -165,6 +175,18 @@ impl DeviceLayout {
         }
         let index = (block[2] * self.blocks[1] + block[1]) * self.blocks[0] + block[0];
         Some([offset[0].to_bits(), offset[1].to_bits(), offset[2].to_bits(), index as u32])
+    }
+
+    /// What the first `live` particles remember of contact.
+    /// `n`: the stride of channels.
+    pub fn touches(touches: &[u32], live: usize, n: usize) -> Vec<Touch> {
+        let value = |k: usize, id: usize| f64::from(f32::from_bits(touches[k * n + id]));
+        let touch = |id: usize| {
+            let with = touches[id];
+            let stretch = if with == 0 { [0.0; 3] } else { [2, 3, 4].map(|k| value(k, id)) };
+            Touch { radius: value(1, id), stretch, with }
+        };
+        (0..live).map(touch).collect()
     }
 
     /// Device states as particles in scene coordinates.

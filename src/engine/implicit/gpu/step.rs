@@ -128,7 +128,7 @@ impl DeviceStep {
         self.memory().write(&self.gpu, "report", separating, &[0u32]);
         let colliders = &self.setup.colliders;
         if !colliders.is_empty() {
-            let poses: Vec<_> = colliders.iter().map(|c| scene::pose(c, self.setup.origin, time_s)).collect();
+            let poses: Vec<_> = colliders.iter().map(|c| scene::pose(c, self.setup.origin, time_s, 0.0)).collect();
             let sweeps: Vec<_> = colliders.iter().map(|c| sweep(c, time_s, dt)).collect();
             self.memory().write(&self.gpu, "poses", 0, &poses);
             self.memory().write(&self.gpu, "sweeps", 0, &sweeps);

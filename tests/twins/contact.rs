@@ -1,0 +1,127 @@
+//! Contact at the particles on the GPU does what it does on the CPU, stage by stage and over frames.
+
+use gridfall_core::sim::setup::{ContactAt, Precision, Problem, Setup};
+use gridfall_core::sim::touch::{self, Springs, Touch};
+use gridfall_engine::explicit::cpu::CpuEngine;
+use gridfall_engine::{Engine, NoControl};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::common;
+use crate::explicit::{self, DT_S, ELASTIC, METALS, MIXED};
+
+/// Colliders of all kinds of contact, that turn, come and go, act on particles.
+fn scene(kernel: &str, transfer: &str, materials: [&str; 3]) -> Problem {
+    let mut problem = explicit::scene(kernel, transfer, materials);
+    problem.setup.contact_at = ContactAt::Particles;
+    problem
+}
+
+/// Random states of particles and of what they remember.
+fn random_scene(kernel: &str, transfer: &str, materials: [&str; 3], seed: u64) -> Problem {
+    println!("{kernel} {transfer} seed {seed}");
+    let mut problem = scene(kernel, transfer, materials);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    common::randomise(&mut problem, &mut rng);
+    touch::begin(&problem.setup, &mut problem.particles, 0.0);
+    let p = &mut problem.particles;
+    for id in 0..p.len() {
+        let springs = Springs::of(&problem.setup, &problem.setup.bodies[p.body[id] as usize]);
+        let touch = &mut p.touch[id];
+        if touch.with != 0 {
+            touch.stretch = std::array::from_fn(|_| rng.random_range(-0.1..0.1) * springs.spacing);
+        } else if touch.radius > 0.0 && touch.radius < 0.5 * springs.spacing {
+            // As if it had come from farther away.
+            touch.radius = rng.random_range(touch.radius..0.5 * springs.spacing);
+        }
+    }
+    problem
+}
+
+/// Particles that touch something.
+fn touching(problem: &Problem) -> usize {
+    let p = &problem.particles;
+    let rest = |id: usize| Touch::new(&Springs::of(&problem.setup, &problem.setup.bodies[p.body[id] as usize]));
+    (0..p.len()).filter(|&id| p.touch[id] != rest(id)).count()
+}
+
+#[test]
+fn stages_agree_on_random_states() {
+    let cases = [
+        ("compact", "mls", ELASTIC),
+        ("compact", "apic", MIXED),
+        ("quadratic", "mls", METALS),
+        ("quadratic", "apic", ELASTIC),
+        ("compact", "mls-published", METALS),
+    ];
+    for (seed, (kernel, transfer, materials)) in cases.into_iter().enumerate() {
+        let problem = random_scene(kernel, transfer, materials, 71 + seed as u64);
+        assert!(touching(&problem) > 300, "{} particles touch something", touching(&problem));
+        let differences = explicit::step(&problem, &problem);
+        explicit::say(&differences);
+        assert!(explicit::agrees(differences), "{kernel} {transfer}: {differences:?}");
+    }
+}
+
+#[test]
+fn planted_errors_are_caught() {
+    let problem = random_scene("compact", "mls", ELASTIC, 81);
+    assert!(explicit::agrees(explicit::step(&problem, &problem)));
+    type Plant<'a> = &'a dyn Fn(&mut Problem);
+    let planted: [(&str, Plant); 5] = [
+        ("springs a hundredth of a cell longer", &|p| {
+            p.particles
+                .touch
+                .iter_mut()
+                .filter(|touch| touch.with != 0)
+                .for_each(|t| t.stretch[0] += 0.01 * p.setup.dx);
+        }),
+        ("radii a hundredth larger", &|p| p.particles.touch.iter_mut().for_each(|touch| touch.radius *= 1.01)),
+        ("friction of a collider", &|p| p.setup.colliders[0].contact.friction = 0.21),
+        ("collider 0.01 dx away", &|p| p.setup.colliders[0].motion.linear_velocity[0] += 0.01),
+        ("contact at nodes", &|p| p.setup.contact_at = ContactAt::Nodes),
+    ];
+    for (name, plant) in planted {
+        let mut wrong = problem.clone();
+        plant(&mut wrong);
+        let differences = explicit::step(&wrong, &problem);
+        println!("{name}: {differences:?}");
+        assert!(!explicit::agrees(differences), "not caught: {name}");
+    }
+}
+
+/// Springs are carried along, faces appear and vanish, and what is fast is stopped: over many steps.
+#[test]
+fn frames_follow_the_reference() {
+    for (kernel, transfer, materials) in [("compact", "mls", ELASTIC), ("quadratic", "apic", METALS)] {
+        let mut problem = scene(kernel, transfer, materials);
+        (problem.setup.max_dt_s, problem.setup.cfl) = (Some(DT_S), 1.0);
+        let mut gpu = common::gpu_engine(&problem);
+        let stats = gpu.advance_frame(40.0 * DT_S, &NoControl).unwrap();
+        let setup = Setup { precision: Precision::F64, ..problem.setup.clone() };
+        let mut cpu = CpuEngine::new(&setup, problem.particles.clone()).unwrap();
+        let reference = cpu.advance_frame(40.0 * DT_S, &NoControl).unwrap();
+        assert_eq!(stats.steps, reference.steps);
+        let (a, b) = (gpu.snapshot().unwrap(), cpu.snapshot().unwrap());
+        let d = explicit::compare_particles(&a, &b, problem.setup.dx);
+        let mut apart = (0.0f64, 0usize);
+        for (a, b) in a.touch.iter().zip(&b.touch) {
+            apart.1 += usize::from(a.with != b.with);
+            if a.with == b.with && a.with != 0 {
+                (0..3).for_each(|k| apart.0 = apart.0.max((a.stretch[k] - b.stretch[k]).abs() / problem.setup.dx));
+            }
+        }
+        println!("{kernel} {transfer}: {} steps, x v B F {d:?}, stretch {apart:?}", stats.steps);
+        let holding = b.touch.iter().filter(|touch| touch.with != 0).count();
+        assert!(d[0] < 1e-4 && d[1] < 1e-3 && d[3] < 1e-3, "{d:?}");
+        // One that just touches may do so a step later.
+        assert!(holding > 500 && apart.0 < 1e-4 && 500 * apart.1 < holding, "{apart:?} of {holding}");
+        let largest = reference.reactions.iter().flat_map(|r| r.force).fold(0.0f64, |a, b| a.max(b.abs()));
+        let worst = stats.reactions.iter().zip(&reference.reactions).flat_map(|(a, b)| {
+            (0..3).map(|k| (a.force[k] - b.force[k]).abs().max(2.0 * (a.torque[k] - b.torque[k]).abs()))
+        });
+        let worst = worst.fold(0.0f64, f64::max);
+        println!("largest force {largest:.3} N, worst difference {worst:.1e} N");
+        assert!(worst < 2e-4 * largest, "{:?}\n{:?}", stats.reactions, reference.reactions);
+    }
+}

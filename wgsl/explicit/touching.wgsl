@@ -1,0 +1,225 @@
+// Contact of particles with the faces of colliders: none goes through, springs are carried along and
+// press. Twin: src/engine/explicit/cpu/touch.rs. Positions relative to domain.min (m).
+//
+// What it finds out lies where the transfer that follows will overwrite it: the particle's new offset
+// in `position_out`, and what faces add to its velocity in `position_out` and `destinations`.
+//
+// uses explicit/springs, explicit/reactions, explicit/touched, shared/distance, shared/kernel_*
+
+/// Cells from a block's middle within which its particles may touch something: they move less than a
+/// cell, and so do faces.
+const REACH = 7.2;
+/// Least half step of a normal's differences (dx): below it they are noise.
+const LEAST_STEP: f32 = 0.00390625;
+const MOST_STEPS = 256u;
+
+/// Whether some collider is near the block.
+var<workgroup> close_by: atomic<u32>;
+
+/// A collider's pose at the start of a step, or after it (`later` = 1).
+fn pose_at(c: u32, later: u32) -> Pose {
+    return poses[(report.index - params.first_step + later) * params.colliders + c];
+}
+
+/// Zeroes what lanes share. A barrier must follow.
+fn open_touching(lane: u32) {
+    open_reactions(lane);
+    if (lane == 0u) {
+        atomicStore(&close_by, 0u);
+    }
+}
+
+/// Looks for colliders near a block. A barrier must follow.
+fn look_around(corner: vec3<f32>, lane: u32) {
+    let middle = (corner + 2.0 + SHIFT) * params.dx;
+    for (var c = lane; c < params.colliders; c += 64u) {
+        let collider = colliders[c];
+        let far = REACH * params.dx + collider.slack;
+        if (collider.touches != 0u && distance_to(collider, to_local(pose_at(c, 0u), middle)) <= far) {
+            atomicStore(&close_by, 1u);
+        }
+    }
+}
+
+fn load_touch(id: u32) -> Touch {
+    let n = params.particles;
+    var touch = Touch(bitcast<f32>(touches[n + id]), vec3<f32>(0.0), touches[id]);
+    if (touch.holds != 0u) {
+        touch.stretch = bitcast<vec3<f32>>(
+            vec3<u32>(touches[2u * n + id], touches[3u * n + id], touches[4u * n + id]));
+    }
+    return touch;
+}
+
+fn store_touch(id: u32, touch: Touch) {
+    let n = params.particles;
+    touches[id] = touch.holds;
+    touches[n + id] = bitcast<u32>(touch.radius);
+    for (var a = 0u; a < 3u; a++) {
+        touches[(2u + a) * n + id] = bitcast<u32>(touch.stretch[a]);
+    }
+}
+
+/// The velocity with which what a collider has at `x` got there: the secant of its path.
+fn arrival(c: u32, x: vec3<f32>, later: u32) -> vec3<f32> {
+    let before = pose_at(c, 0u);
+    let turning = cross(before.angular.xyz, x - pose_at(c, later).center.xyz);
+    return before.linear.xyz + turning - before.angular.w * cross(before.angular.xyz, turning);
+}
+
+/// A collider's face at a particle at `x`, after the step if `later` is 1.
+fn face_at(c: u32, x: vec3<f32>, later: u32) -> Face {
+    let collider = colliders[c];
+    let pose = pose_at(c, later);
+    let local = to_local(pose, x);
+    let distance = distance_to(collider, local);
+    // On thin plates the differences stay on the particle's side.
+    let near = clamp(0.5 * distance, LEAST_STEP * params.dx, NORMAL_STEP * params.dx);
+    let step = select(NORMAL_STEP * params.dx, near, distance > 0.0);
+    return Face(c + 1u, collider.kind, collider.friction, distance,
+        surface_normal(collider, pose, local, step), arrival(c, x, later));
+}
+
+/// Share of the way from `start` to `end`, both in the collider's coordinates, at which a point from
+/// outside comes within `least` of the collider; 2 if it does not.
+fn meets(collider: Collider, start: vec3<f32>, end: vec3<f32>, least: f32) -> f32 {
+    let way = end - start;
+    let size = length(way);
+    let first = distance_to(collider, start);
+    if (size == 0.0 || first < 0.0 || first - size > least) {
+        return 2.0;
+    }
+    let trust = select(1.0, 0.5, collider.slack > 0.0);
+    var gone = 0.0;
+    var before = first;
+    for (var i = 0u; i < MOST_STEPS && gone < size; i++) {
+        let step = max(max(trust * before - 0.5 * least, 0.5 * before), 1e-3 * least);
+        let next = min(gone + step, size);
+        let here = distance_to(collider, start + (next / size) * way);
+        if (here < least && here < before) {
+            return select(next, gone, before < least) / size;
+        }
+        gone = next;
+        before = here;
+    }
+    return select(2.0, gone / size, gone < size);
+}
+
+/// What faces do to a particle: where it ends, and what they add to its velocity (m/s).
+struct Touched { end: vec3<f32>, kick: vec3<f32> }
+
+/// Stops the particle on its way from `start` over `dt` at faces that it would go through.
+fn stopped(slot: u32, body: Body, start: vec3<f32>, end_in: vec3<f32>, v_in: vec3<f32>, dt: f32) -> Touched {
+    let least = STANDOFF * body.spacing;
+    var end = end_in;
+    var v = v_in;
+    for (var c = 0u; c < params.colliders; c++) {
+        let collider = colliders[c];
+        if (collider.touches == 0u || pose_at(c, 1u).linear.w == 0.0) {
+            continue;
+        }
+        let before = pose_at(c, 0u);
+        let to = to_local(pose_at(c, 1u), end);
+        let share = meets(collider, to_local(before, start), to, least);
+        if (share > 1.0) {
+            continue;
+        }
+        let carried = start + dt * surface_velocity(before, start);
+        let at = carried + share * (end - carried);
+        let there = face_at(c, at, 1u).normal;
+        let along = end - min(dot(end - at, there), 0.0) * there;
+        let inside = distance_to(collider, to_local(pose_at(c, 1u), along)) < 0.25 * least;
+        end = select(along, at, inside);
+        let n = face_at(c, end, 1u).normal;
+        let inward = min(dot(v - (carried - start) / dt, n), 0.0) * n;
+        v -= inward;
+        take_of(slot, c, body.mass * inward, end, 1u);
+    }
+    return Touched(end, v - v_in);
+}
+
+/// Books an impulse (kg m/s) that a collider takes from a particle. Both grids of a pair carry all mass.
+fn take_of(slot: u32, c: u32, impulse: vec3<f32>, at: vec3<f32>, later: u32) {
+    let units = f32(GRIDS) * params.momentum_scale * impulse;
+    take(slot, WALLS + c, units, (at - pose_at(c, later).center.xyz) / params.dx);
+}
+
+/// Carries the spring along from `start`, over `dt`, with a particle that moved by `moved` (m).
+fn followed(touch_in: Touch, body: Body, start: vec3<f32>, moved: vec3<f32>, dt: f32) -> Touch {
+    var touch = touch_in;
+    if (touch.holds == 0u) {
+        return touch;
+    }
+    let before = pose_at(touch.holds - 1u, 0u);
+    let after = pose_at(touch.holds - 1u, 1u);
+    if (after.linear.w == 0.0) {
+        return untouched(body);
+    }
+    let s = touch.stretch + (moved - dt * surface_velocity(before, start));
+    touch.stretch = s;
+    // What stands still keeps every bit.
+    if (any(before.angular.xyz != vec3<f32>(0.0))) {
+        let local = vec3<f32>(dot(before.r0.xyz, s), dot(before.r1.xyz, s), dot(before.r2.xyz, s));
+        touch.stretch = local.x * after.r0.xyz + local.y * after.r1.xyz + local.z * after.r2.xyz;
+    }
+    return touch;
+}
+
+/// What springs add to the velocity of a particle at `x` over a time `kick_s`.
+fn pressed(slot: u32, touch: ptr<function, Touch>, body: Body, x: vec3<f32>, v: vec3<f32>, kick_s: f32, later: u32)
+        -> vec3<f32> {
+    var sum = vec3<f32>(0.0);
+    var nearest = body.spacing;
+    for (var c = 0u; c < params.colliders; c++) {
+        let collider = colliders[c];
+        let pose = pose_at(c, later);
+        if (collider.touches == 0u || pose.linear.w == 0.0) {
+            continue;
+        }
+        let distance = distance_to(collider, to_local(pose, x));
+        nearest = min(nearest, distance);
+        let held = (*touch).holds == c + 1u;
+        if (distance > BONDED * body.spacing && !held) {
+            continue;
+        }
+        let face = face_at(c, x, later);
+        if (later == 1u && pose_at(c, 0u).linear.w == 0.0) {
+            *touch = met(*touch, body, face);
+        }
+        if (distance < (*touch).radius || (*touch).holds == c + 1u) {
+            let force = press(touch, body, face, v);
+            take_of(slot, c, -kick_s * force, x, later);
+            sum += force;
+        }
+    }
+    if ((*touch).holds == 0u) {
+        // What was cut off of its radius grows again where it leaves.
+        (*touch).radius = max((*touch).radius, min(nearest, 0.5 * body.spacing));
+    }
+    return sum * (kick_s / body.mass);
+}
+
+/// A particle's whole contact in a step of `dt` that takes it from y to `next` (cells in the block), and then for
+/// `kick_s`.
+fn touch_particle(slot: u32, to: u32, id: u32, corner: vec3<f32>, y: vec3<f32>, next: vec3<f32>, v: vec3<f32>, dt: f32,
+        kick_s: f32) {
+    let body = bodies[body_of[id]];
+    var touch = load_touch(id);
+    let start = (corner + y + SHIFT) * params.dx;
+    let way = (next - y) * params.dx;
+    var done = Touched(start + way, vec3<f32>(0.0));
+    var at = next;
+    if (dt > 0.0) {
+        done = stopped(slot, body, start, start + way, v, dt);
+        if (any(done.end != start + way)) {
+            at = y + (done.end - start) / params.dx;
+        }
+        touch = followed(touch, body, start, (at - y) * params.dx, dt);
+    }
+    if (kick_s > 0.0) {
+        let later = select(0u, 1u, dt > 0.0);
+        done.kick += pressed(slot, &touch, body, (corner + at + SHIFT) * params.dx, v + done.kick, kick_s, later);
+    }
+    store_touch(id, touch);
+    leave(to, at, done.kick);
+}
