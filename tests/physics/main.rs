@@ -4,6 +4,7 @@ mod conforming;
 mod conservation;
 mod contact;
 mod elastic;
+mod faces;
 mod implicit;
 mod one_step;
 mod prescribed;

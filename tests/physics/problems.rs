@@ -49,7 +49,7 @@ pub fn empty(dimension: usize, cells: Vec3, dx: f64) -> Problem {
         colliders: Vec::new(),
         kernel: Kernel::Compact,
         transfer: Transfer::Mls,
-        contact_at: ContactAt::Nodes,
+        contact_at: ContactAt::Particles,
         precision: Precision::F64,
         cfl: 0.5,
         max_dt_s: None,

@@ -75,13 +75,13 @@ impl Transfer {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ContactAt {
+    /// Springs between particles and faces: faces lie where they are, whatever the cells, and nothing
+    /// passes through. Implicit steps do not have it, and act on nodes.
+    #[default]
+    Particles,
     /// Nodes inside a collider take its velocity, as CK-MPM and HOT have it: the cell decides where
     /// the face is, and plates thinner than two cells leak.
-    #[default]
     Nodes,
-    /// Springs between particles and faces: faces lie where they are, and nothing passes through.
-    /// Explicit steps on the CPU.
-    Particles,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
