@@ -203,3 +203,68 @@ pub(crate) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
 fn minus(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| a[k] - b[k])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SPRINGS: Springs = Springs { stiffness: 1000.0, damping: 2.0, spacing: 0.1 };
+
+    fn face(kind: ContactKind, friction: f64, distance: f64) -> Face {
+        let contact = Contact { kind, friction };
+        Face { collider: 1, contact, distance, normal: [0.0, 1.0, 0.0], velocity: [0.0; 3] }
+    }
+
+    fn carried(mut touch: Touch, by: [f64; 3]) -> Touch {
+        touch.stretch = std::array::from_fn(|a| touch.stretch[a] + by[a]);
+        touch
+    }
+
+    #[test]
+    fn a_face_pushes_and_never_pulls() {
+        for away in [-3.0, 0.0, 3.0] {
+            let mut touch = Touch::new(&SPRINGS);
+            let pressed = touch.press(&SPRINGS, &face(ContactKind::Separate, 0.0, 0.04), &[0.0, away, 0.0]);
+            let right = (1000.0 * 0.01 - 2.0 * away).max(0.0);
+            assert!(pressed[0] == 0.0 && (pressed[1] - right).abs() < 1e-9 && pressed[1] >= 0.0, "{pressed:?}");
+            let apart = touch.press(&SPRINGS, &face(ContactKind::Separate, 0.0, 0.051), &[0.0, away, 0.0]);
+            assert_eq!((apart, touch.with), ([0.0; 3], 0));
+        }
+    }
+
+    #[test]
+    fn friction_holds_up_to_its_limit() {
+        let (face, rest) = (face(ContactKind::Separate, 0.5, 0.04), [0.0; 3]);
+        let mut touch = Touch::new(&SPRINGS);
+        touch.press(&SPRINGS, &face, &rest);
+        // 10 N press: 5 N of friction are 5 mm of the spring.
+        for (by, right) in [(0.003, -3.0), (0.004, -5.0), (-0.001, -4.0), (-0.02, 5.0)] {
+            touch = carried(touch, [by, 0.0, 0.0]);
+            let force = touch.press(&SPRINGS, &face, &rest);
+            assert!((force[0] - right).abs() < 1e-9 && (force[1] - 10.0).abs() < 1e-9, "{by}: {force:?}");
+        }
+    }
+
+    #[test]
+    fn what_begins_in_contact_begins_without_force() {
+        for (kind, distance) in [(ContactKind::Sticky, 0.09), (ContactKind::Slip, 0.02), (ContactKind::Separate, 0.02)]
+        {
+            let mut touch = Touch::new(&SPRINGS);
+            let face = face(kind, 0.3, distance);
+            touch.meet(&SPRINGS, 1, face.contact, distance);
+            assert_eq!(touch.press(&SPRINGS, &face, &[0.0; 3]), [0.0; 3], "{kind:?}");
+            assert_eq!(touch.with == 1, kind != ContactKind::Separate);
+        }
+    }
+
+    #[test]
+    fn a_sticky_face_holds_in_all_directions() {
+        let mut touch = Touch::new(&SPRINGS);
+        let face = face(ContactKind::Sticky, 0.0, 0.05);
+        touch.meet(&SPRINGS, 1, face.contact, 0.05);
+        touch = carried(touch, [0.01, 0.02, -0.03]);
+        let force = touch.press(&SPRINGS, &face, &[0.5, 0.0, 0.0]);
+        let right = [-11.0, -20.0, 30.0];
+        assert!((0..3).all(|a| (force[a] - right[a]).abs() < 1e-9), "{force:?}");
+    }
+}
