@@ -3,6 +3,7 @@
 mod conforming;
 mod conservation;
 mod contact;
+mod damping;
 mod elastic;
 mod implicit;
 mod one_step;
