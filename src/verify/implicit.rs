@@ -28,15 +28,15 @@ fn implicitly(mut problem: Problem) -> Problem {
 
 /// A bar of E = 1e5 Pa, ν = 0 in its first longitudinal mode, with a speed at its ends of `speed`
 /// times that of the waves; its ω is in 1/s.
-struct Bar {
-    problem: Problem,
+pub(super) struct Bar {
+    pub problem: Problem,
     low: f64,
     length: f64,
-    omega: f64,
+    pub omega: f64,
 }
 
 impl Bar {
-    fn new(session: &Session, scheme: Scheme, speed: f64) -> Self {
+    pub fn new(session: &Session, scheme: Scheme, speed: f64) -> Self {
         let (young, cells, dx) = (1e5, 32, 1.0 / 32.0);
         let (length, low) = (f64::from(cells) * dx, 6.0 * dx);
         let mut problem = problem(
@@ -60,7 +60,7 @@ impl Bar {
     }
 
     /// Σ v_x weighted by the mode at the rest positions.
-    fn amplitude(&self, particles: &Particles) -> f64 {
+    pub fn amplitude(&self, particles: &Particles) -> f64 {
         let mode = |x: &Vec3| (PI * (x[0] - self.low) / self.length).cos();
         particles.v.iter().zip(&self.problem.particles.x).map(|(v, x)| v[0] * mode(x)).sum()
     }
@@ -110,7 +110,7 @@ fn implicit_bar(session: &mut Session) -> Result<(), EngineError> {
 
 /// Angle per step and factor per step of a damped oscillation a' = 2 r cos φ a − r² a_before, by
 /// least squares.
-fn damped_swing(a: &[f64]) -> (f64, f64) {
+pub(super) fn damped_swing(a: &[f64]) -> (f64, f64) {
     let (mut m, mut rhs) = ([[0.0; 2]; 2], [0.0; 2]);
     for w in a.windows(3) {
         let row = [w[1], -w[0]];

@@ -5,6 +5,7 @@
 //! their own step use the CPU's stages.
 
 mod boundaries;
+mod damped_bar;
 mod earth_pressure;
 mod forced;
 mod granular;
@@ -51,6 +52,7 @@ pub const CASES: &[Case] = &[
     moduli::ELASTIC_WAVES,
     moduli::FREE_BAR,
     moduli::CANTILEVER,
+    damped_bar::DAMPED_BAR,
     still_water::STILL_WATER,
     sticky_walls::POISEUILLE,
     sticky_walls::SHEARED_LAYER,

@@ -14,7 +14,7 @@ use gridfall_engine::{Engine, EngineError, NoControl};
 use gridfall_scene::schema::{Kernel, Transfer};
 
 /// Kinetic energy of the velocities and of the affine part, and strain energy (J).
-fn energy(problem: &Problem, p: &Particles) -> f64 {
+pub fn energy(problem: &Problem, p: &Particles) -> f64 {
     let d = problem.setup.dimension;
     let of_particle = |i: usize| {
         let body = &problem.setup.bodies[p.body[i] as usize];
@@ -80,7 +80,7 @@ fn a_free_bar_swings_with_its_period() {
 }
 
 /// A block that is released stretched and spinning.
-fn stretched(kernel: Kernel, transfer: Transfer) -> Problem {
+pub fn stretched(kernel: Kernel, transfer: Transfer) -> Problem {
     let dx = 1.0 / 32.0;
     let mut problem = empty(3, [16.0, 16.0, 16.0], dx);
     (problem.setup.kernel, problem.setup.transfer) = (kernel, transfer);

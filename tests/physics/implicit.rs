@@ -316,6 +316,7 @@ fn a_metal_bar_pulled_beyond_yield_ends_on_the_yield_surface() {
                 poissons_ratio: 0.3,
                 yield_stress,
                 elasticity,
+                damping: 0.0,
             });
             let law = Law::<f64>::new(&metal);
             // It flies apart: inertia alone stretches it to several times the yield strain.

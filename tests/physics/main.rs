@@ -3,6 +3,7 @@
 mod conforming;
 mod conservation;
 mod contact;
+mod damping;
 mod elastic;
 mod faces;
 mod implicit;

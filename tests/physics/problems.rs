@@ -18,11 +18,11 @@ pub const fn walls(kind: ContactKind) -> Axis {
 }
 
 pub fn elastic(youngs_modulus: f64, poissons_ratio: f64, density: f64) -> Material {
-    Material::FixedCorotated(Elastic { density, youngs_modulus, poissons_ratio })
+    Material::FixedCorotated(Elastic { density, youngs_modulus, poissons_ratio, damping: 0.0 })
 }
 
 pub fn neo_hookean(youngs_modulus: f64, poissons_ratio: f64, density: f64) -> Material {
-    Material::NeoHookean(Elastic { density, youngs_modulus, poissons_ratio })
+    Material::NeoHookean(Elastic { density, youngs_modulus, poissons_ratio, damping: 0.0 })
 }
 
 pub fn fluid(bulk_modulus: f64, viscosity: f64) -> Material {

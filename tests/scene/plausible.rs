@@ -27,6 +27,7 @@ const CASES: &[Case] = &[
           ["/materials/water/bulk_modulus" "implausible"]),
     case!(["/materials/water/density" = 1e10], ["/materials/water/density" "implausible"]),
     case!(["/materials/water/gamma" = 1000], ["/materials/water/gamma" "implausible"]),
+    case!(["/materials/jelly/damping" = 1e4], ["/materials/jelly/damping" "implausible"]),
     case!(["/gravity" = [0, 0, -1e12]], ["/gravity" "implausible"]),
     case!(["/domain/min" = [0, 0, 2e9], "/domain/max" = [1, 1, 2000000001]],
           ["/domain/min" "implausible", "/domain/max" "implausible"]),

@@ -20,7 +20,8 @@ pub const DT_S: f64 = 4e-4;
 /// Three materials at a time.
 pub const ELASTIC: [&str; 3] = [
     r#"{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 }"#,
-    r#"{ "model": "neo-hookean", "density": 1500, "youngs_modulus": 2e4, "poissons_ratio": 0.4 }"#,
+    r#"{ "model": "neo-hookean", "density": 1500, "youngs_modulus": 2e4, "poissons_ratio": 0.4,
+        "damping": 0.01 }"#,
     r#"{ "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1e4, "viscosity": 2 }"#,
 ];
 pub const SOILS: [&str; 3] = [
@@ -43,7 +44,8 @@ pub const MIXED: [&str; 3] = [GRAINS[1], ELASTIC[2], ELASTIC[0]];
 const WATER: [&str; 3] = [ELASTIC[2]; 3];
 const SAND: [&str; 3] = [GRAINS[0]; 3];
 pub const METALS: [&str; 3] = [
-    r#"{ "model": "von-mises", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3, "yield_stress": 500 }"#,
+    r#"{ "model": "von-mises", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3, "yield_stress": 500,
+        "damping": 0.005 }"#,
     r#"{ "model": "von-mises", "density": 1500, "youngs_modulus": 2e4, "poissons_ratio": 0.4, "yield_stress": 800,
         "elasticity": "fixed-corotated" }"#,
     r#"{ "model": "stvk-hencky", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 }"#,
@@ -292,10 +294,14 @@ fn planted_errors_are_caught() {
     let problem = random_scene("compact", "mls", ELASTIC, 21);
     assert!(agrees(step(&problem, &problem)));
     type Plant<'a> = &'a dyn Fn(&mut Problem);
-    let planted: [(&str, Plant); 7] = [
+    let planted: [(&str, Plant); 8] = [
         ("stiffness off by a thousandth", &|p| {
             let Material::FixedCorotated(e) = &mut p.setup.materials[p.setup.bodies[0].material] else { panic!() };
             e.youngs_modulus *= 1.001;
+        }),
+        ("damping off by a hundredth", &|p| {
+            let Material::NeoHookean(e) = &mut p.setup.materials[p.setup.bodies[1].material] else { panic!() };
+            e.damping *= 1.01;
         }),
         ("one particle's F", &|p| p.particles.f[100][1] += 1e-3),
         ("one particle's B", &|p| p.particles.b[200][5] += 1e-3 * p.setup.dx),

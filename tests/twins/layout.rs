@@ -47,7 +47,7 @@ fn shared_structs_agree() {
     twin!(m, Report: halt, error, error_particle, max_shift, max_speed, step, index, work_count, cursor, stale, needed,
         max_demand, isolated, finished, groups);
     twin!(m, Body: mass, volume, material, demand, rate, full, crowded, stiffness, damping, spacing, spare0, spare1);
-    twin!(m, Material: model, a, b, c, d, e, spare0, spare1);
+    twin!(m, Material: model, a, b, c, d, e, damping, spare);
     twin!(m, SdfOp: r0, r1, r2, size, code, grid);
     twin!(m, Collider: first, count, kind, friction, slack, touches, spare0, spare1);
     twin!(m, Pose: r0, r1, r2, linear, angular, center);

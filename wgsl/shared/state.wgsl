@@ -112,7 +112,8 @@ fn principal_stiffness(sigma: vec3<f32>, q: f32, m: Material) -> f32 {
     }
 }
 
-fn kirchhoff(state: Deformation, principal: Principal, m: Material, grad_v: mat3x3<f32>) -> Stress {
+/// Stress without the damping of solids.
+fn undamped_kirchhoff(state: Deformation, principal: Principal, m: Material, grad_v: mat3x3<f32>) -> Stress {
     if (m.model == FLUID) {
         let pressure = weakly_compressible_fluid_pressure(state.J, m.a, m.b);
         return Stress(weakly_compressible_fluid_kirchhoff(state.J, pressure, m.c, grad_v),
@@ -128,6 +129,22 @@ fn kirchhoff(state: Deformation, principal: Principal, m: Material, grad_v: mat3
         return Stress(neo_hookean_kirchhoff(state.F, m.a, m.b), neo_hookean_stiffness(state.F, m.a, m.b) / at_rest);
     }
     return Stress(fixed_corotated_kirchhoff(state.F, m.a, m.b), fixed_corotated_stiffness(state.F, m.a, m.b) / at_rest);
+}
+
+/// A solid's damping: τ_v = t_d (2μ D + λ tr D I), D = sym ∇v, with the moduli at rest. Twin:
+/// src/core/material/damping.rs.
+fn damping_kirchhoff(m: Material, grad_v: mat3x3<f32>) -> mat3x3<f32> {
+    let pressure = m.damping * m.b * (grad_v[0].x + grad_v[1].y + grad_v[2].z);
+    return m.damping * m.a * (grad_v + transpose(grad_v))
+        + mat3x3<f32>(pressure, 0.0, 0.0, 0.0, pressure, 0.0, 0.0, 0.0, pressure);
+}
+
+fn kirchhoff(state: Deformation, principal: Principal, m: Material, grad_v: mat3x3<f32>) -> Stress {
+    var stress = undamped_kirchhoff(state, principal, m, grad_v);
+    if (m.damping != 0.0) {
+        stress.tau += damping_kirchhoff(m, grad_v);
+    }
+    return stress;
 }
 
 /// Bound on the largest σ² from above (Wolkowicz & Styan 1980). Twin: src/core/material/stretch.rs.

@@ -21,7 +21,8 @@ struct Body {
 // A fluid: a = K/γ, b = γ, c = viscosity. All others: a = μ, b = λ, and von Mises: c = √(2/3) σ_Y;
 // Drucker–Prager: c = α, d = α_ψ, e = β/(2μ); Mohr–Coulomb: c = sin φ, d = sin ψ,
 // e = c cos φ/μ; NACC: c = M, d = β, e = ξ; snow: c = 1 - θc, d = 1 + θs, e = ξ.
-struct Material { model: u32, a: f32, b: f32, c: f32, d: f32, e: f32, spare0: u32, spare1: u32 }
+// damping: of solids, t_d (s).
+struct Material { model: u32, a: f32, b: f32, c: f32, d: f32, e: f32, damping: f32, spare: u32 }
 
 // One instruction of a signed distance program (src/core/sim/collider/): its rows place it:
 // rotation and translation.

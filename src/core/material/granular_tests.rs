@@ -9,10 +9,10 @@ use super::principal::Principal;
 use super::*;
 use crate::maths::linalg::Vector;
 
-const ELASTIC: Elastic = Elastic { density: 1000.0, youngs_modulus: 1e6, poissons_ratio: 0.3 };
+const ELASTIC: Elastic = Elastic { density: 1000.0, youngs_modulus: 1e6, poissons_ratio: 0.3, damping: 0.0 };
 
 fn soil(friction_angle_degrees: f64, cohesion: f64, dilatancy_angle_degrees: f64) -> MohrCoulomb<f64> {
-    let Elastic { density, youngs_modulus, poissons_ratio } = ELASTIC;
+    let Elastic { density, youngs_modulus, poissons_ratio, .. } = ELASTIC;
     let material = parameters::MohrCoulomb {
         density,
         youngs_modulus,
@@ -25,7 +25,7 @@ fn soil(friction_angle_degrees: f64, cohesion: f64, dilatancy_angle_degrees: f64
 }
 
 fn cone(friction_angle_degrees: f64, cohesion: f64, dilatancy_angle_degrees: f64, cone: Cone) -> DruckerPrager<f64> {
-    let Elastic { density, youngs_modulus, poissons_ratio } = ELASTIC;
+    let Elastic { density, youngs_modulus, poissons_ratio, .. } = ELASTIC;
     let material = parameters::DruckerPrager {
         density,
         youngs_modulus,

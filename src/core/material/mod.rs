@@ -5,6 +5,7 @@
 //! state. The functions of this module evaluate any [`Material`] in f64, for diagnostics and
 //! pictures.
 
+mod damping;
 mod derivatives;
 mod drucker_prager;
 mod fixed_corotated;
@@ -22,6 +23,7 @@ mod stvk_hencky;
 mod von_mises;
 mod weakly_compressible_fluid;
 
+pub use damping::Damping;
 pub use derivatives::{Derivatives, EXTENSION};
 pub use drucker_prager::DruckerPrager;
 pub use fixed_corotated::FixedCorotated;

@@ -41,15 +41,23 @@ impl Material {
         matches!(self, Self::DruckerPrager(_) | Self::MohrCoulomb(_) | Self::Nacc(_) | Self::Snow(_))
     }
 
-    /// Density and elastic moduli of a solid; none for a fluid.
+    /// Damping time (s); 0 without damping, and for the materials that have none.
+    pub fn damping(&self) -> f64 {
+        self.elastic().map_or(0.0, |elastic| elastic.damping)
+    }
+
+    /// Density, elastic moduli and damping of a solid; none for a fluid.
     pub fn elastic(&self) -> Option<Elastic> {
-        let elastic = |density, youngs_modulus, poissons_ratio| Elastic { density, youngs_modulus, poissons_ratio };
+        let elastic =
+            |density, youngs_modulus, poissons_ratio| Elastic { density, youngs_modulus, poissons_ratio, damping: 0.0 };
         Some(match self {
             Self::FixedCorotated(e) | Self::NeoHookean(e) | Self::StvkHencky(e) => e.clone(),
             Self::DruckerPrager(m) => elastic(m.density, m.youngs_modulus, m.poissons_ratio),
             Self::MohrCoulomb(m) => elastic(m.density, m.youngs_modulus, m.poissons_ratio),
             Self::Nacc(m) => elastic(m.density, m.youngs_modulus, m.poissons_ratio),
-            Self::VonMises(m) => elastic(m.density, m.youngs_modulus, m.poissons_ratio),
+            Self::VonMises(m) => {
+                Elastic { damping: m.damping, ..elastic(m.density, m.youngs_modulus, m.poissons_ratio) }
+            }
             Self::Snow(m) => elastic(m.density, m.youngs_modulus, m.poissons_ratio),
             Self::WeaklyCompressibleFluid(_) => return None,
         })
@@ -66,6 +74,9 @@ pub struct Elastic {
     pub youngs_modulus: f64,
     /// Poisson's ratio, in (-1, 0.5).
     pub poissons_ratio: f64,
+    /// Damping time (s): a swing of f Hz has π f times as much of the critical damping. Explicit integration only.
+    #[serde(default)]
+    pub damping: f64,
 }
 
 /// p = (bulk_modulus / gamma) (J^-gamma - 1).
@@ -178,6 +189,9 @@ pub struct VonMises {
     /// The elastic law below the yield stress.
     #[serde(default)]
     pub elasticity: Elasticity,
+    /// Damping time (s): a swing of f Hz has π f times as much of the critical damping. Explicit integration only.
+    #[serde(default)]
+    pub damping: f64,
 }
 
 /// The elastic law of a plastic material.

@@ -11,7 +11,7 @@ use super::*;
 use crate::maths::linalg::{Matrix, Vector, identity, mul_transpose};
 use crate::maths::svd::svd;
 
-const ELASTIC: Elastic = Elastic { density: 1000.0, youngs_modulus: 1e5, poissons_ratio: 0.3 };
+const ELASTIC: Elastic = Elastic { density: 1000.0, youngs_modulus: 1e5, poissons_ratio: 0.3, damping: 0.0 };
 
 /// A plastic state that the law can reach, from a number in [0, 1).
 fn plastic_state(material: &Material, share: f64) -> f64 {

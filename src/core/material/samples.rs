@@ -5,9 +5,16 @@ use super::parameters::{Cone, DruckerPrager, Elastic, Elasticity, Fluid, Materia
 /// At least one material of every law. The compiler keeps the match complete.
 pub fn samples() -> Vec<Material> {
     let (density, youngs_modulus, poissons_ratio) = (1000.0, 1e5, 0.3);
-    let elastic = Elastic { density, youngs_modulus, poissons_ratio };
+    let elastic = Elastic { density, youngs_modulus, poissons_ratio, damping: 0.0 };
     let von_mises = |elasticity| {
-        Material::VonMises(VonMises { density, youngs_modulus, poissons_ratio, yield_stress: 2e3, elasticity })
+        Material::VonMises(VonMises {
+            density,
+            youngs_modulus,
+            poissons_ratio,
+            yield_stress: 2e3,
+            elasticity,
+            damping: 0.0,
+        })
     };
     let sand = |cohesion, dilatancy_angle_degrees, cone| {
         Material::DruckerPrager(DruckerPrager {

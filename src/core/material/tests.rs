@@ -7,7 +7,7 @@ use super::*;
 use crate::maths::linalg::{Matrix, add_scaled, identity, mul, mul_transpose, trace};
 use crate::maths::svd::svd;
 
-const ELASTIC: Elastic = Elastic { density: 1000.0, youngs_modulus: 1e5, poissons_ratio: 0.3 };
+const ELASTIC: Elastic = Elastic { density: 1000.0, youngs_modulus: 1e5, poissons_ratio: 0.3, damping: 0.0 };
 const FLUID: Fluid = Fluid { density: 1000.0, bulk_modulus: 5e4, gamma: 7.15, viscosity: 0.1 };
 
 fn random<const D: usize>(rng: &mut StdRng) -> Matrix<f64, D> {

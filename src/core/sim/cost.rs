@@ -77,10 +77,12 @@ pub fn chosen(setup: &Setup, particles: &Particles) -> Prediction {
 pub fn implicit_fault(setup: &Setup) -> Option<String> {
     let of = |body: &super::setup::Body| &setup.materials[body.material];
     let fluid = setup.bodies.iter().find(|body| of(body).is_fluid());
+    let damped = setup.bodies.iter().find(|body| of(body).damping() > 0.0);
     let plastic = setup.bodies.iter().find(|body| !of(body).is_elastic());
-    match (fluid, plastic) {
-        (Some(body), _) => Some(format!("the fluid '{}' can run explicitly only", body.name)),
-        (_, Some(body)) if setup.implicit.method == Method::Admm => {
+    match (fluid, damped, plastic) {
+        (Some(body), ..) => Some(format!("the fluid '{}' can run explicitly only", body.name)),
+        (_, Some(body), _) => Some(format!("'{}' has damping, which explicit steps alone have", body.name)),
+        (_, _, Some(body)) if setup.implicit.method == Method::Admm => {
             Some(format!("the method `admm` is for elastic materials, and that of '{}' is plastic", body.name))
         }
         _ => None,
@@ -136,10 +138,10 @@ mod tests {
 
     /// A steel beam of the given modulus under gravity, at rest; the second material is a fluid.
     fn beam(youngs_modulus: f64) -> Problem {
-        let elastic = Elastic { density: 1000.0, youngs_modulus, poissons_ratio: 0.3 };
+        let elastic = Elastic { density: 1000.0, youngs_modulus, poissons_ratio: 0.3, damping: 0.0 };
         let Elastic { density, poissons_ratio, .. } = elastic;
         let elasticity = Elasticity::default();
-        let steel = VonMises { density, youngs_modulus, poissons_ratio, yield_stress: 1e6, elasticity };
+        let steel = VonMises { density, youngs_modulus, poissons_ratio, yield_stress: 1e6, elasticity, damping: 0.0 };
         let materials = vec![Material::VonMises(steel), fixture::solid_and_fluid().remove(1)];
         let mut problem = fixture::problem(3, 0.125, materials, &[(0, [0.0; 3], [0.5, 0.25, 0.25])]);
         problem.setup.gravity = [0.0, 0.0, -10.0];
@@ -170,6 +172,12 @@ mod tests {
         let (integrator, reason) = chosen(&problem, Integrator::Auto);
         assert_eq!(integrator, Integrator::Explicit);
         assert!(reason.contains("admm"), "{reason}");
+        problem.setup.implicit.method = Method::Hot;
+        let Material::VonMises(steel) = &mut problem.setup.materials[0] else { panic!("the first is steel") };
+        steel.damping = 1e-6;
+        let (integrator, reason) = chosen(&problem, Integrator::Auto);
+        assert_eq!(integrator, Integrator::Explicit);
+        assert!(reason.contains("'body 0' has damping"), "{reason}");
         problem.setup.bodies[0].material = 1;
         let (integrator, reason) = chosen(&problem, Integrator::Auto);
         assert_eq!(integrator, Integrator::Explicit);

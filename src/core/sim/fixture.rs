@@ -12,7 +12,7 @@ pub type Block = (usize, [f64; 3], [f64; 3]);
 /// A neo-Hookean solid of 1e5 Pa and a fluid, of equal density.
 pub fn solid_and_fluid() -> Vec<Material> {
     vec![
-        Material::NeoHookean(Elastic { density: 1000.0, youngs_modulus: 1e5, poissons_ratio: 0.3 }),
+        Material::NeoHookean(Elastic { density: 1000.0, youngs_modulus: 1e5, poissons_ratio: 0.3, damping: 0.0 }),
         Material::WeaklyCompressibleFluid(Fluid { density: 1000.0, bulk_modulus: 1e5, gamma: 7.15, viscosity: 0.0 }),
     ]
 }

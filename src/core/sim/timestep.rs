@@ -17,10 +17,16 @@
 //! This holds for bulk and single-particle modes alike (derived here; the tests check it on lone
 //! particles).
 //!
+//! The damping of solids is a viscosity with the moduli t_d λ and t_d μ: σ_v = t_d σ_e in every mode, so
+//! dt² + 2 t_d dt ≤ T_e². However a transfer keeps velocities: a mode that changes its sign from step to step has
+//! F = dt ∇v / 2, so its stress is (dt/2 + t_d) times the stiffness times ∇v. With damping a step dt is at its bound
+//! where one of sqrt(dt² + 2 t_d dt) is without.
+//!
 //! These bounds hold at rest. **Away from rest** a particle's stiffness ρ0 c² changes with F (Sun,
 //! Shinar & Schroeder 2020, see [`crate::material`]), and the step changes with its square root.
 //! Engines measure for every particle the ratio s of its stiffness to that at rest. They report the
-//! largest *demand* s / dt_rest² (1/s²). [`SAFETY`] covers what may change within a frame. A frame
+//! largest *demand* s / dt_rest² (1/s²). Viscosity does not grow with s, so where it has a part in dt_rest the demand
+//! is a little too large. [`SAFETY`] covers what may change within a frame. A frame
 //! is re-planned when the demand has grown beyond [`REPLAN`] of the bound itself, or when a
 //! particle's F changes by more than [`MAX_GROWTH`] in a step.
 
@@ -51,7 +57,7 @@ pub enum Bound {
     Bulk { body: usize },
     /// A lone particle of a body on its nodes.
     SingleParticle { body: usize },
-    /// Explicit viscosity of a body.
+    /// Explicit viscosity of a body, or its damping.
     Viscosity { body: usize },
     /// Materials that are stiffer under their present deformation than at rest.
     Deformation,
@@ -103,10 +109,10 @@ impl Bound {
                 name(body)
             ),
             Self::Viscosity { body } => {
-                format!(
-                    "explicit viscosity of body '{}' (longer with a lower viscosity{kernel} or a larger dx)",
-                    name(body)
-                )
+                let damped = setup.bodies.get(body).is_some_and(|b| setup.materials[b.material].damping() > 0.0);
+                let what = if damped { "damping" } else { "viscosity" };
+                let body = name(body);
+                format!("explicit {what} of body '{body}' (longer with a lower {what}{kernel} or a larger dx)")
             }
             Self::Deformation => format!(
                 "materials that are stiffer under their present strain than at rest (longer with slower impacts, a \
@@ -196,16 +202,24 @@ pub fn moduli(material: &Material) -> (f64, f64, f64) {
     }
 }
 
+/// Viscosities (Pa·s) in the places of λ and μ: a fluid's, or a solid's damping.
+fn viscosities(material: &Material) -> (f64, f64) {
+    let (lambda, mu, viscosity) = moduli(material);
+    let t_d = material.damping();
+    (t_d * lambda, t_d * mu + viscosity)
+}
+
 /// Bounds of a body's material (s) including the safety factor: bulk and single particle, each with
 /// viscosity.
 fn body_bounds(setup: &Setup, index: usize, body: &Body) -> [(f64, Bound); 2] {
-    let (lambda, mu, viscosity) = moduli(&setup.materials[body.material]);
+    let material = &setup.materials[body.material];
+    let ((lambda, mu, _), (lambda_v, mu_v)) = (moduli(material), viscosities(material));
     let rho = body.mass / body.volume0;
     let elastic = elastic_bounds_s(setup, lambda, mu, rho);
     // The springs of contact act beside the material's own stiffness.
     let springs = touch::acts(setup).then(|| Springs::of(setup, body).bound(body.mass));
     let [stiff, damped] = springs.unwrap_or_default();
-    let viscous = elastic_bounds_s(setup, 0.0, viscosity, rho);
+    let viscous = elastic_bounds_s(setup, lambda_v, mu_v, rho);
     let both = |elastic: f64, unit: f64| {
         let (a, b) = (1.0 / (elastic * elastic), 2.0 / (unit * unit));
         // a dt² + b dt = 1; viscosity dominates if b dt > ½.

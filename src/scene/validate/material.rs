@@ -6,7 +6,7 @@ use gridfall_core::sim::timestep::moduli;
 use crate::fault::join;
 use crate::schema::Material;
 use crate::validate::check::Check;
-use crate::validate::plausible::{DENSITY, EXPONENT, WAVE};
+use crate::validate::plausible::{DAMPING, DENSITY, EXPONENT, WAVE};
 
 /// Judges the parameters of a material.
 pub fn check_material(check: &mut Check, at: &str, material: &Material) {
@@ -78,6 +78,9 @@ fn check_granular(check: &mut Check, at: &str, (friction, dilatancy): (f64, f64)
 fn check_elastic(check: &mut Check, at: &str, elastic: &Elastic) {
     check.positive(&join(at, "density"), elastic.density, "the density");
     check.positive(&join(at, "youngs_modulus"), elastic.youngs_modulus, "Young's modulus");
+    let damping_at = join(at, "damping");
+    check.not_negative(&damping_at, elastic.damping, "the damping time");
+    check.plausible(&damping_at, elastic.damping, &DAMPING);
     let (at, nu) = (join(at, "poissons_ratio"), elastic.poissons_ratio);
     if check.finite(&at, nu) && !(nu > -1.0 && nu < 0.5) {
         let reason = format!("Poisson's ratio is {nu}");

@@ -34,6 +34,8 @@ pub const PLACE: Range = Range::up_to("the distance from the origin", 1e9, "m");
 pub const SPACING: Range = Range { what: "the grid spacing", unit: "m", least: 1e-9, most: 1e6 };
 pub const END: Range = Range::up_to("the end", 1e9, "s");
 pub const VOLUME_RATIO: Range = Range { what: "the volume ratio", unit: "", least: 1e-3, most: 1e3 };
+/// Beyond it, no explicit step is long enough for anything to move.
+pub const DAMPING: Range = Range::up_to("the damping time", 1e3, "s");
 pub const EXPONENT: Range = Range::up_to("the exponent", 100.0, "");
 
 impl Check<'_> {

@@ -53,6 +53,11 @@ fn check_materials(check: &mut Check, method: Method) {
         let remedy = "write `explicit` or `auto`, or take the fluid out";
         check.fault("/solver/integrator", "unsupported", reason, remedy);
     }
+    if let Some((name, _)) = used.iter().find(|(_, material)| material.damping() > 0.0) {
+        let reason = format!("the material '{name}' has damping, which explicit steps alone have");
+        let remedy = "write `explicit` or `auto`, or take out the damping; implicit steps damp by their length";
+        check.fault("/solver/integrator", "unsupported", reason, remedy);
+    }
     let plastic = used.iter().find(|(_, material)| !material.is_elastic() && !material.is_fluid());
     if let (Method::Admm, Some((name, _))) = (method, plastic) {
         let reason = format!("`admm` is for elastic materials, and '{name}' is plastic");

@@ -9,7 +9,7 @@ use crate::sim::setup::{Axis, Body, Contact, ContactKind, Kernel, Precision, Pro
 
 /// A cube of 20³ particles of 1 m³ and 2 kg in total, at rest.
 fn cube(kernel: Kernel, transfer: Transfer) -> Problem {
-    let elastic = Elastic { density: 2.0, youngs_modulus: 100.0, poissons_ratio: 0.25 };
+    let elastic = Elastic { density: 2.0, youngs_modulus: 100.0, poissons_ratio: 0.25, damping: 0.0 };
     let Problem { mut setup, mut particles } =
         fixture::problem(3, 0.1, vec![Material::FixedCorotated(elastic)], &[(0, [3.0; 3], [4.0; 3])]);
     (setup.cells, setup.axes, setup.gravity) = ([80; 3], [Axis::Periodic; 3], [0.0, 0.0, -10.0]);

@@ -34,6 +34,18 @@ fn weight(kernel: Kernel, r: f64) -> (f64, f64) {
 /// Stress of one particle at `x` (dx) after many steps of `dt`, with linear elasticity and
 /// viscosity, unit dx and density.
 fn growth(kernel: Kernel, transfer: Transfer, x: [f64; 3], [lambda, mu, viscosity]: [f64; 3], dt: f64) -> f64 {
+    growth_with(kernel, transfer, x, [lambda, mu], [0.0, viscosity], dt)
+}
+
+/// The same with a viscosity in the place of λ, too.
+fn growth_with(
+    kernel: Kernel,
+    transfer: Transfer,
+    x: [f64; 3],
+    [lambda, mu]: [f64; 2],
+    [lambda_v, mu_v]: [f64; 2],
+    dt: f64,
+) -> f64 {
     let grids: &[f64] = if kernel == Kernel::Compact { &[0.25, -0.25] } else { &[0.0] };
     let share = 1.0 / grids.len() as f64;
     let d = linalg::from_row_major::<f64, 3>(&moment_matrix(kernel, x, 1.0, 3));
@@ -69,12 +81,12 @@ fn growth(kernel: Kernel, transfer: Transfer, x: [f64; 3], [lambda, mu, viscosit
     let mut tau = [[0.0; 3]; 3];
     for _ in 0..4000 {
         let c = if transfer == Transfer::Pic { [[0.0; 3]; 3] } else { linalg::mul(&b, &inverse) };
-        let trace = linalg::trace(&strain);
+        let pressure = lambda * linalg::trace(&strain) + lambda_v * linalg::trace(&grad_v);
         for i in 0..3 {
             for j in 0..3 {
-                tau[i][j] = mu * (strain[i][j] + strain[j][i]) + viscosity * (grad_v[i][j] + grad_v[j][i]);
+                tau[i][j] = mu * (strain[i][j] + strain[j][i]) + mu_v * (grad_v[i][j] + grad_v[j][i]);
             }
-            tau[i][i] += lambda * trace;
+            tau[i][i] += pressure;
         }
         (b, grad_v) = ([[0.0; 3]; 3], [[0.0; 3]; 3]);
         for (r, w, g) in &nodes {
@@ -156,6 +168,70 @@ fn no_lone_particle_of_the_compact_kernel_blows_up_below_its_bound() {
     }
     println!("seed 20: largest share of the limit that the bound uses: PIC, APIC, MLS, as published {sharpest:.3?}");
     assert!(sharpest.iter().all(|s| *s > 0.8), "the bound is needlessly tight: {sharpest:?}");
+}
+
+/// Where a lone particle blows up with damping, from where it does without: dt² + 2 t_d dt = T_e². The bound that
+/// steps are planned with is below that everywhere.
+#[test]
+fn damping_shortens_the_bound_as_its_formula_has_it() {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(23);
+    println!("seed 23");
+    for kernel in [Kernel::Compact, Kernel::Quadratic, Kernel::Cubic, Kernel::Linear] {
+        for transfer in [Transfer::Pic, Transfer::Apic, Transfer::Mls, Transfer::MlsPublished] {
+            if transfer == Transfer::MlsPublished && kernel != Kernel::Compact {
+                continue;
+            }
+            let mut setup = setup(kernel, transfer);
+            setup.dx = 1.0;
+            (setup.bodies[0].mass, setup.bodies[0].volume0) = (1.0, 1.0);
+            // Not beside the linear kernel's nodes, where it has no bound.
+            let x: [f64; 3] = std::array::from_fn(|_| 3.0 + random.random_range(0.12..0.88));
+            let Material::NeoHookean(elastic) = &mut setup.materials[0] else { panic!("the first is a solid") };
+            (elastic.density, elastic.youngs_modulus, elastic.poissons_ratio) = (1.0, 1.0, 0.3);
+            let (lambda, mu, _) = moduli(&setup.materials[0]);
+            let blows_up = |dt: f64, t_d: f64| {
+                let grown = growth_with(kernel, transfer, x, [lambda, mu], [t_d * lambda, t_d * mu], dt);
+                grown.is_nan() || grown >= 1e3 * (1.0 + t_d)
+            };
+            let bound = |setup: &Setup| body_bounds(setup, 0, &setup.bodies[0])[1].0 / SAFETY;
+            let (mut stable, mut unstable) = (0.98 * bound(&setup), 2.5 * bound(&setup));
+            assert!(!blows_up(stable, 0.0) && blows_up(unstable, 0.0), "{kernel:?} {transfer:?} at {x:?}");
+            while unstable > 1.005 * stable {
+                let middle = 0.5 * (stable + unstable);
+                if blows_up(middle, 0.0) { unstable = middle } else { stable = middle }
+            }
+            for share in [0.03, 0.3, 3.0] {
+                let t_d = share * stable;
+                let limit = (stable * stable + t_d * t_d).sqrt() - t_d;
+                for below in [0.99, 0.7, 0.3] {
+                    let grows = blows_up(below * limit, t_d);
+                    assert!(!grows, "{kernel:?} {transfer:?}, t_d = {share} T: grows at {below} of its bound");
+                }
+                assert!(blows_up(1.03 * limit, t_d), "{kernel:?} {transfer:?}, t_d = {share} T: stable beyond it");
+                let Material::NeoHookean(elastic) = &mut setup.materials[0] else { panic!("the first is a solid") };
+                elastic.damping = t_d;
+                let planned = bound(&setup);
+                assert!(planned <= 1.005 * limit, "{kernel:?} {transfer:?}, t_d = {share} T: {planned} for {limit}");
+                assert!(!blows_up(0.99 * planned, t_d), "{kernel:?} {transfer:?}, t_d = {share} T: grows as planned");
+            }
+        }
+    }
+}
+
+#[test]
+fn damping_rules_where_it_is_strong() {
+    let mut setup = setup(Kernel::Quadratic, Transfer::Mls);
+    let (undamped, _) = material_bound(&setup);
+    for (damping, rule) in [(1e-6, false), (1.0, true)] {
+        let Material::NeoHookean(elastic) = &mut setup.materials[0] else { panic!("the first is a solid") };
+        elastic.damping = damping;
+        let (dt, bound) = material_bound(&setup);
+        assert_eq!(matches!(bound, Bound::Viscosity { .. }), rule, "{damping}");
+        assert!(bound.explain(&setup).contains("damping") == rule);
+        let root = undamped / SAFETY;
+        let expected = SAFETY * ((root * root + damping * damping).sqrt() - damping);
+        assert!((dt / expected - 1.0).abs() < 1e-6, "{dt} s for {expected} s");
+    }
 }
 
 #[test]

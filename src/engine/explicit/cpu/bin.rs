@@ -152,7 +152,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         let chunk = |source: &S, run: &[Place]| {
             let index = body(&run[0]);
             let touch = self.springs.get(index as usize).map(Touch::new);
-            let mut chunk = Chunk::empty(index, self.constants.bodies[index as usize].is_fluid(), touch);
+            let mut chunk = Chunk::empty(index, self.constants.bodies[index as usize].kind(), touch);
             for (lane, place) in run.iter().enumerate() {
                 fill(source, place.at as usize, &mut chunk, lane);
             }

@@ -40,6 +40,8 @@ pub enum State<T, const D: usize> {
         f: MatrixLanes<T, D>,
         /// Plastic state of the laws that have one, else 0.
         plastic: Lanes<T>,
+        /// ∇v (1/s) of the last G2P, where damping acts with it.
+        grad_v: Option<Box<MatrixLanes<T, D>>>,
     },
     Fluid {
         /// Volume ratio.
@@ -49,26 +51,48 @@ pub enum State<T, const D: usize> {
     },
 }
 
+/// What of [`State`] a body's law needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    Fluid,
+    Solid,
+    Damped,
+}
+
 impl<T: Real, const D: usize> State<T, D> {
     /// At rest.
-    pub fn rest(fluid: bool) -> Self {
+    pub fn rest(kind: Kind) -> Self {
         let zero = [[[T::ZERO; LANES]; D]; D];
-        if fluid {
+        if kind == Kind::Fluid {
             return Self::Fluid { j: [T::ONE; LANES], grad_v: zero };
         }
         let mut f = zero;
         for a in 0..D {
             f[a][a] = [T::ONE; LANES];
         }
-        Self::Solid { f, plastic: [T::ZERO; LANES] }
+        Self::Solid { f, plastic: [T::ZERO; LANES], grad_v: (kind == Kind::Damped).then(|| Box::new(zero)) }
+    }
+
+    /// ∇v (1/s) that the next P2G acts with, if viscosity or damping does.
+    pub fn grad_v(&mut self) -> Option<&mut MatrixLanes<T, D>> {
+        match self {
+            Self::Solid { grad_v, .. } => grad_v.as_deref_mut(),
+            Self::Fluid { grad_v, .. } => Some(grad_v),
+        }
     }
 
     /// Copies a particle's state from a chunk of the same body.
     fn copy(&mut self, lane: usize, from: &Self, from_lane: usize) {
         match (self, from) {
-            (Self::Solid { f, plastic }, Self::Solid { f: from, plastic: from_plastic }) => {
+            (
+                Self::Solid { f, plastic, grad_v },
+                Self::Solid { f: from, plastic: from_plastic, grad_v: from_grad_v },
+            ) => {
                 copy_matrix(f, lane, from, from_lane);
                 plastic[lane] = from_plastic[from_lane];
+                if let (Some(grad_v), Some(from)) = (grad_v, from_grad_v) {
+                    copy_matrix(grad_v, lane, from, from_lane);
+                }
             }
             (Self::Fluid { j, grad_v }, Self::Fluid { j: from_j, grad_v: from }) => {
                 copy_matrix(grad_v, lane, from, from_lane);
@@ -81,12 +105,12 @@ impl<T: Real, const D: usize> State<T, D> {
 
 impl<T: Real, const D: usize> Chunk<T, D> {
     /// No particles; lanes at rest in the middle of the block.
-    pub fn empty(body: u32, fluid: bool, touch: Option<Touch>) -> Self {
+    pub fn empty(body: u32, kind: Kind, touch: Option<Touch>) -> Self {
         Self {
             x: [[T::TWO; LANES]; D],
             v: [[T::ZERO; LANES]; D],
             b: [[[T::ZERO; LANES]; D]; D],
-            state: State::rest(fluid),
+            state: State::rest(kind),
             touch: touch.map(|touch| Box::new([touch; LANES])),
             id: [u32::MAX; LANES],
             count: 0,

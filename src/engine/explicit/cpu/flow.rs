@@ -33,7 +33,7 @@ widest! {
         chunk: &mut Chunk<T, D>,
         tau: &mut MatrixLanes<T, D>,
     ) -> T {
-        let State::Solid { f: deformation, plastic } = &mut chunk.state else {
+        let State::Solid { f: deformation, plastic, .. } = &mut chunk.state else {
             unreachable!("fluids do not flow in principal space");
         };
         let mut spectra = decompose(deformation);
@@ -161,6 +161,7 @@ fn replace<T: Real, const D: usize>(spectra: &mut Spectra<T, D>, l: usize, svd: 
 mod tests {
     use rand::{Rng, SeedableRng, rngs::StdRng};
 
+    use super::super::chunk::Kind;
     use super::*;
     use gridfall_core::material::samples;
     use gridfall_core::maths::linalg::Matrix;
@@ -173,9 +174,9 @@ mod tests {
                 continue;
             }
             for round in 0..40 {
-                let mut chunk = Chunk::<f64, D>::empty(0, false, None);
+                let mut chunk = Chunk::<f64, D>::empty(0, Kind::Solid, None);
                 chunk.count = 1 + round % LANES;
-                let State::Solid { f: lanes, plastic } = &mut chunk.state else { unreachable!() };
+                let State::Solid { f: lanes, plastic, .. } = &mut chunk.state else { unreachable!() };
                 for l in 0..chunk.count {
                     let size = [0.0, 0.02, 0.3, 1.5][rng.random_range(0..4)];
                     for i in 0..D {
@@ -188,7 +189,7 @@ mod tests {
                 let (before, plastic_before) = (*lanes, *plastic);
                 let mut tau = before;
                 let most = flow(&law, &mut chunk, &mut tau);
-                let State::Solid { f: lanes, plastic: plastic_after } = &chunk.state else { unreachable!() };
+                let State::Solid { f: lanes, plastic: plastic_after, .. } = &chunk.state else { unreachable!() };
                 let mut expected_most = 0.0f64;
                 for l in 0..chunk.count {
                     let (mut f, mut plastic): (Matrix<f64, D>, f64) = (matrix(&before, l), plastic_before[l]);

@@ -201,7 +201,7 @@ fn relax<T: Real, const D: usize>(
                 j[l] += share[l] * (goal[l] - j[l]);
             }
         }
-        State::Solid { f: lanes, plastic } => {
+        State::Solid { f: lanes, plastic, .. } => {
             for l in (0..chunk.count).filter(|&l| over[l] > T::ONE) {
                 let f = matrix(lanes, l);
                 let gained = body.law.gained_volume(plastic[l]).unwrap_or(T::ZERO);
@@ -240,11 +240,14 @@ widest! {
                 }
                 *kept = *grad_v;
             }
-            State::Solid { f: lanes, .. } => {
+            State::Solid { f: lanes, grad_v: kept, .. } => {
                 for l in 0..LANES {
                     let f = matrix(lanes, l);
                     let change = mul(&matrix(grad_v, l), &f);
                     set_matrix(lanes, l, &add_scaled_matrix(&f, dt, &change));
+                }
+                if let Some(kept) = kept {
+                    **kept = *grad_v;
                 }
             }
         }

@@ -60,7 +60,7 @@ impl<T: Real, const D: usize> Narrow<T, D> {
         }
         set_matrix(&mut chunk.b, lane, &self.b[i]);
         match &mut chunk.state {
-            State::Solid { f, plastic } => {
+            State::Solid { f, plastic, .. } => {
                 set_matrix(f, lane, &self.f[i]);
                 plastic[lane] = self.plastic[i];
             }

@@ -8,7 +8,7 @@
 use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, State, Stencils, matrix, set_matrix, vector};
 use super::simulation::Constants;
 use super::tile::{MASS, Node, Walk, add_scaled, index, scale};
-use gridfall_core::material::Law;
+use gridfall_core::material::{Damping, Law};
 use gridfall_core::maths::linalg::{Matrix, add_scaled as add_scaled_matrix, apply, scaled_identity};
 use gridfall_core::maths::real::Real;
 use gridfall_core::maths::svd::{NEWTON_STEPS, is_regular, newton_step, polar_by_svd};
@@ -164,7 +164,7 @@ widest! {
                     stiffening[l] = law.stiffness_at_rest() * fluid.stiffening(j, pressure);
                 }
             }
-            (_, State::Solid { f, plastic }) => {
+            (_, State::Solid { f, plastic, .. }) => {
                 for l in 0..chunk.count {
                     let (stress, ratio) = law.kirchhoff(&matrix(f, l), plastic[l]);
                     set_matrix(tau, l, &stress);
@@ -175,6 +175,27 @@ widest! {
         }
         let most = stiffening[..chunk.count].iter().copied().fold(T::ZERO, T::max);
         most / law.stiffness_at_rest()
+    }
+}
+
+widest! {
+    /// Adds the viscous stress of damping to `tau`.
+    pub fn damp[T: Real, const D: usize][T, D](
+        damping: &Damping<T>,
+        chunk: &Chunk<T, D>,
+        tau: &mut MatrixLanes<T, D>,
+    ) {
+        let State::Solid { grad_v: Some(grad_v), .. } = &chunk.state else {
+            unreachable!("a damped body's chunks keep ∇v");
+        };
+        for l in 0..LANES {
+            let viscous = damping.kirchhoff(&matrix(grad_v, l));
+            for i in 0..D {
+                for k in 0..D {
+                    tau[i][k][l] += viscous[i][k];
+                }
+            }
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::bin::{self, Place};
-use super::chunk::{Chunk, LANES, MatrixLanes, State, matrix};
+use super::chunk::{Chunk, Kind, LANES, MatrixLanes, State, matrix};
 use super::fill::{self, Around, WallRoom};
 use super::flow;
 use super::g2p::{self, Moves};
@@ -13,7 +13,7 @@ use super::narrow::Narrow;
 use super::p2g;
 use super::tile::{BLOCK, Layout, Node};
 use super::touch::{self as touching, Contacts, Taken};
-use gridfall_core::material::Law;
+use gridfall_core::material::{Damping, Law};
 use gridfall_core::maths::linalg::{double_dot, scaled_identity, to_row_major};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::particles::Particles;
@@ -27,6 +27,7 @@ use gridfall_core::sim::volume;
 #[derive(Clone, Copy, Debug)]
 pub struct BodySetup<T> {
     pub law: Law<T>,
+    pub damping: Option<Damping<T>>,
     /// Of one particle (kg).
     pub mass: T,
     /// Of one particle at rest (m³; 2D: m²).
@@ -60,6 +61,14 @@ impl<T: Real> Relaxation<T> {
 impl<T> BodySetup<T> {
     pub fn is_fluid(&self) -> bool {
         matches!(self.law, Law::WeaklyCompressibleFluid(_))
+    }
+
+    pub fn kind(&self) -> Kind {
+        match (self.is_fluid(), &self.damping) {
+            (true, _) => Kind::Fluid,
+            (_, Some(_)) => Kind::Damped,
+            _ => Kind::Solid,
+        }
     }
 }
 
@@ -118,6 +127,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
     pub fn new(setup: &Setup, particles: Particles) -> Self {
         let bodies = setup.bodies.iter().zip(demands_at_rest_1_s2(setup)).map(|(body, demand)| BodySetup {
             law: Law::new(&setup.materials[body.material]),
+            damping: Damping::of(&setup.materials[body.material]),
             mass: T::from_f64(body.mass),
             volume0: T::from_f64(body.volume0),
             demand: T::from_f64(demand),
@@ -178,17 +188,15 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         self.start_frame();
     }
 
-    /// What a frame starts from: particles in order of (block, index), and ∇v of fluids from the affine state, so that
-    /// a run continued from a snapshot is the run that was not interrupted.
+    /// What a frame starts from: particles in order of (block, index), and ∇v that acts in stresses from the affine
+    /// state, so that a run continued from a snapshot is the run that was not interrupted.
     pub fn start_frame(&mut self) {
         self.bin();
         let (constants, interpolation) = (&self.constants, &self.interpolation);
         self.blocks.par_iter_mut().flat_map_iter(|block| &mut block.chunks).for_each(|chunk| {
-            if constants.transfer.is_affine() && constants.bodies[chunk.body as usize].is_fluid() {
+            if chunk.state.grad_v().is_some() {
                 let rates = interpolation.affine_rates(constants, chunk);
-                if let State::Fluid { grad_v, .. } = &mut chunk.state {
-                    *grad_v = rates;
-                }
+                chunk.state.grad_v().into_iter().for_each(|grad_v| *grad_v = rates);
             }
         });
     }
@@ -232,7 +240,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         }
         p.b[to] = to_row_major(&matrix(&chunk.b, l), 0.0).map(|b| b * self.setup.dx);
         (p.f[to], p.plastic[to]) = match &chunk.state {
-            State::Solid { f, plastic } => (to_row_major(&matrix(f, l), 1.0), plastic[l].to_f64()),
+            State::Solid { f, plastic, .. } => (to_row_major(&matrix(f, l), 1.0), plastic[l].to_f64()),
             State::Fluid { j, .. } => {
                 let stretch = j[l].to_f64().powf(1.0 / D as f64);
                 (to_row_major(&scaled_identity::<f64, D>(stretch), 1.0), 0.0)
@@ -352,6 +360,9 @@ impl<T: Real, const D: usize> Simulation<T, D> {
                 if p2g && !(moves.strayed || moves.diverged) {
                     let stiffening = flowed.unwrap_or_else(|| p2g::stress(&body.law, chunk, &mut scratch));
                     moves.demand = moves.demand.max(body.demand * stiffening);
+                    if let Some(damping) = &body.damping {
+                        p2g::damp(damping, chunk, &mut scratch);
+                    }
                     let mut pushed = None;
                     if let Some(contacts) = &contacts {
                         contacts.press(chunk, next_s, pushed.insert([[T::ZERO; LANES]; D]), &mut pressed);

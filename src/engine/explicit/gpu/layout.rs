@@ -139,8 +139,8 @@ pub struct Material {
     pub c: f32,
     pub d: f32,
     pub e: f32,
-    pub spare0: u32,
-    pub spare1: u32,
+    pub damping: f32,
+    pub spare: u32,
 }
 
 #[repr(C)]

@@ -107,6 +107,7 @@ impl SceneSizes {
 
 /// Parameters as the shaders know them; models are numbered as in `wgsl/shared/state.wgsl`.
 pub fn material(material: &Material) -> layout::Material {
+    let damping = material.damping() as f32;
     let (model, parameters) = match Law::<f64>::new(material) {
         Law::FixedCorotated(l) => (0, [l.mu, l.lambda, 0.0, 0.0, 0.0]),
         Law::NeoHookean(l) => (1, [l.mu, l.lambda, 0.0, 0.0, 0.0]),
@@ -125,7 +126,7 @@ pub fn material(material: &Material) -> layout::Material {
         Law::MohrCoulomb(l) => (9, [l.elastic.mu, l.elastic.lambda, l.sin_friction, l.sin_dilatancy, l.strength]),
     };
     let [a, b, c, d, e] = parameters.map(|x| x as f32);
-    layout::Material { model, a, b, c, d, e, ..layout::Material::default() }
+    layout::Material { model, a, b, c, d, e, damping, ..layout::Material::default() }
 }
 
 fn sdf_op(op: &SdfOp, origin: [f64; 3], samples: &mut Vec<f32>) -> layout::SdfOp {

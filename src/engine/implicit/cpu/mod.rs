@@ -13,7 +13,7 @@ impl ImplicitEngine {
     /// Loads a problem at time 0 on the CPU.
     ///
     /// Errors: [`EngineError::Capacity`] beyond 2³² places of nodes, [`EngineError::Unsupported`]
-    /// for fluids.
+    /// for fluids and damping.
     pub fn new(setup: &Setup, particles: Particles) -> Result<Self, EngineError> {
         let total = setup.total_particles();
         if total > (u32::MAX / 64) as usize {
@@ -21,6 +21,9 @@ impl ImplicitEngine {
         }
         if setup.bodies.iter().any(|body| setup.materials[body.material].is_fluid()) {
             return Err(EngineError::Unsupported("fluids are integrated explicitly".into()));
+        }
+        if setup.bodies.iter().any(|body| setup.materials[body.material].damping() > 0.0) {
+            return Err(EngineError::Unsupported("damping is integrated explicitly".into()));
         }
         let backend = Backend::this_cpu("the implicit solver runs every scene on the CPU");
         let fastest = max_speed_m_s(&particles);

@@ -29,6 +29,9 @@ pub fn supports(setup: &Setup) -> Result<(), String> {
     if setup.materials.iter().any(|material| material.is_fluid()) {
         return Err("fluids are integrated explicitly".into());
     }
+    if setup.materials.iter().any(|material| material.damping() > 0.0) {
+        return Err("damping is integrated explicitly".into());
+    }
     let short = |a: usize| setup.axes[a] == Axis::Periodic && setup.cells[a] < LEAST_PERIOD;
     if (0..3).any(short) {
         return Err(format!("the GPU's implicit engine needs {LEAST_PERIOD} cells along a periodic axis"));
