@@ -5,6 +5,7 @@ mod conservation;
 mod contact;
 mod elastic;
 mod implicit;
+mod meeting;
 mod one_step;
 mod prescribed;
 mod problems;
