@@ -15,10 +15,10 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::common;
 
-const DT_S: f64 = 4e-4;
+pub const DT_S: f64 = 4e-4;
 
 /// Three materials at a time.
-const ELASTIC: [&str; 3] = [
+pub const ELASTIC: [&str; 3] = [
     r#"{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 }"#,
     r#"{ "model": "neo-hookean", "density": 1500, "youngs_modulus": 2e4, "poissons_ratio": 0.4 }"#,
     r#"{ "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": 1e4, "viscosity": 2 }"#,
@@ -119,8 +119,8 @@ fn f64_stages(problem: &Problem) -> Box<dyn Stages> {
     cpu
 }
 
-/// Mass, momentum, velocity by (grid sign, node).
-type Nodes = BTreeMap<(i32, [i32; 3]), (f64, [f64; 3], [f64; 3])>;
+/// Mass, momentum, velocity by (field, grid sign, node).
+type Nodes = BTreeMap<(u32, i32, [i32; 3]), (f64, [f64; 3], [f64; 3])>;
 
 fn cpu_nodes(cpu: &dyn Stages, problem: &Problem) -> Nodes {
     let sign = if problem.setup.kernel == Kernel::Compact { [1, -1] } else { [0, 0] };
@@ -128,7 +128,7 @@ fn cpu_nodes(cpu: &dyn Stages, problem: &Problem) -> Nodes {
     for n in cpu.nodes() {
         let mut index = n.index;
         index[1] = index[1].rem_euclid(16); // the periodic axis
-        let old = nodes.insert((sign[n.grid], index), (n.mass, n.momentum, n.velocity));
+        let old = nodes.insert((n.field, sign[n.grid], index), (n.mass, n.momentum, n.velocity));
         assert!(old.is_none(), "node {index:?} twice");
     }
     nodes
@@ -140,7 +140,7 @@ fn compare(gpu: &[GridNode], cpu: &Nodes, problem: &Problem, velocities: bool) -
     let mut seen: Nodes = cpu.clone();
     let (mut mass, mut value) = (0.0f64, 0.0f64);
     for n in gpu {
-        let (m, p, v) = seen.remove(&(n.grid, n.node)).unwrap_or_default();
+        let (m, p, v) = seen.remove(&(n.field, n.grid, n.node)).unwrap_or_default();
         mass = mass.max((n.mass - m).abs() / full);
         for a in 0..3 {
             let difference = if velocities { (n.value[a] - v[a]) * n.mass.min(m) } else { n.value[a] - p[a] };
@@ -155,7 +155,7 @@ fn compare(gpu: &[GridNode], cpu: &Nodes, problem: &Problem, velocities: bool) -
 }
 
 /// Largest differences of x (dx), v (m/s), B (dx m/s) and F or the plastic state.
-fn compare_particles(a: &Particles, b: &Particles, dx: f64) -> [f64; 4] {
+pub fn compare_particles(a: &Particles, b: &Particles, dx: f64) -> [f64; 4] {
     let mut d = [0.0f64; 4];
     for id in 0..a.len() {
         for k in 0..3 {
@@ -172,7 +172,7 @@ fn compare_particles(a: &Particles, b: &Particles, dx: f64) -> [f64; 4] {
 }
 
 /// Differences after each stage of one step: mass and momentum, mass and velocity, then x, v, B, F.
-fn step(gpu_problem: &Problem, cpu_problem: &Problem) -> [f64; 8] {
+pub fn step(gpu_problem: &Problem, cpu_problem: &Problem) -> [f64; 8] {
     let mut cpu = f64_stages(cpu_problem);
     let mut engine = common::gpu_engine(gpu_problem);
     let (mut gpu, nodes) = Staged::p2g(&mut engine, DT_S).unwrap();
@@ -195,7 +195,7 @@ const TOLERANCE: [f64; 8] = [1e-6, 1e-5, 1e-6, 1e-5, 1e-6, 1e-5, 1e-5, 1e-5];
 /// compared in `gpu::law_tests`.
 const SOIL_TOLERANCE: [f64; 8] = [1e-6, 1e-5, 1e-6, 1e-5, 1e-6, 1e-5, 1e-5, 1e-4];
 
-fn agrees(differences: [f64; 8]) -> bool {
+pub fn agrees(differences: [f64; 8]) -> bool {
     differences.iter().zip(TOLERANCE).all(|(d, t)| *d <= t)
 }
 
@@ -222,7 +222,7 @@ fn stages_agree_on_random_states() {
     }
 }
 
-fn say(differences: &[f64; 8]) {
+pub fn say(differences: &[f64; 8]) {
     let [mass, momentum, again, velocity, x, v, b, f] = differences;
     println!(
         "mass {mass:.1e} momentum {momentum:.1e} | mass {again:.1e} velocity {velocity:.1e} \

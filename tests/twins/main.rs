@@ -12,4 +12,5 @@ mod implicit_frames;
 mod implicit_order;
 mod isolated;
 mod layout;
+mod meeting;
 mod shapes;

@@ -23,9 +23,8 @@ var<workgroup> bin_bases: array<u32, 27>;
 
 /// Looks up the neighbours on the `_out` side and zeroes the sums. A barrier must follow.
 fn open_scatter(block: u32, lane: u32) {
-    let c = block_coordinates(block);
     for (var i = lane; i < 27u; i += WORKGROUP) {
-        let b = block_index(c + neighbour(i));
+        let b = block_beside(block, neighbour(i));
         var slot = 0u;
         if (b >= 0) {
             slot = atomicLoad(&table_out[b]);
@@ -45,9 +44,8 @@ fn open_scatter(block: u32, lane: u32) {
 
 /// Looks up the neighbours on the `_in` side. A barrier must follow.
 fn open_gather(block: u32, lane: u32) {
-    let c = block_coordinates(block);
     for (var i = lane; i < 8u; i += WORKGROUP) {
-        let b = block_index(c + vec3<i32>(vec3<u32>(i & 1u, (i >> 1u) & 1u, i >> 2u)));
+        let b = block_beside(block, vec3<i32>(vec3<u32>(i & 1u, (i >> 1u) & 1u, i >> 2u)));
         var slot = 0u;
         if (b >= 0) {
             slot = table_in[b];

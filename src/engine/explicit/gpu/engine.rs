@@ -16,6 +16,7 @@ use crate::gpu::memory::Memory;
 use crate::gpu::program::{Dispatch, Programs, Tools};
 use crate::gpu::{Gpu, Variant};
 use gridfall_core::sim::divergence;
+use gridfall_core::sim::pair;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::Setup;
@@ -120,7 +121,7 @@ impl GpuEngine {
         layout.body_of = particles.body;
         scene.write(&gpu, &buffers.memory);
         let programs = Programs::new(Variant::of(setup));
-        let stages = Stages::new(Tools { gpu: &gpu, programs: &programs }, &buffers.memory);
+        let stages = Stages::new(Tools { gpu: &gpu, programs: &programs }, &buffers.memory, pair::is_parted(setup));
         let backend = gpu.backend(reason);
         let params = layout.params(setup);
         let max_speed = extremes.speed_m_s + 3.0f64.sqrt() * setup.dx * extremes.affine_rate_1_s;
@@ -358,7 +359,7 @@ impl GpuEngine {
         self.params.capacity = capacity as u32;
         self.write_params();
         let tools = Tools { gpu: &self.gpu, programs: &self.programs };
-        self.stages = Stages::new(tools, &self.buffers.memory);
+        self.stages = Stages::new(tools, &self.buffers.memory, pair::is_parted(&self.setup));
         // The interrupted activation left claims without slots.
         self.gpu.submit(|encoder| self.clear_side(encoder, 1 - side));
         tracing::debug!(old, capacity, "grid grown");

@@ -27,7 +27,6 @@ pub use engine::GpuEngine;
 pub use readback::GridNode;
 pub use staged::Staged;
 
-use gridfall_core::sim::pair;
 use gridfall_core::sim::setup::{Kernel, Precision, Setup, Transfer};
 use gridfall_core::sim::touch;
 
@@ -44,9 +43,6 @@ pub fn supports(setup: &Setup) -> Result<(), String> {
     }
     if touch::acts(setup) {
         return Err("the GPU engine has contact at nodes only (solver.contact)".into());
-    }
-    if pair::is_parted(setup) {
-        return Err("the GPU engine has no contact between bodies".into());
     }
     if setup.precision != Precision::F32 {
         return Err("the GPU engine is f32 only".into());

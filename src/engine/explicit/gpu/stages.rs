@@ -32,6 +32,9 @@ pub const FRAME_START: &[Stage] = &[
     ("explicit/p2g", Device(Groups::Work)),
 ];
 
+/// Only in scenes with several fields of nodes.
+const PAIRS: Stage = ("explicit/pairs", Device(Groups::BlocksIn));
+
 /// Grid n → grid n + 1. Activation comes first, so that a step that lacks room leaves everything
 /// as it was.
 pub const STEP: &[Stage] = &[
@@ -39,6 +42,7 @@ pub const STEP: &[Stage] = &[
     ("explicit/reset", Device(Groups::Stale)),
     ("explicit/activate", Device(Groups::Work)),
     ("explicit/commit", One),
+    PAIRS,
     ("explicit/grid_update", Device(Groups::BlocksIn)),
     ("explicit/clear", Device(Groups::BlocksOut)),
     ("explicit/g2p2g", Device(Groups::Work)),
@@ -49,6 +53,7 @@ pub const STEP: &[Stage] = &[
 /// The last step: grid → full particle states.
 pub const FRAME_END: &[Stage] = &[
     ("explicit/prepare", One),
+    PAIRS,
     ("explicit/grid_update", Device(Groups::BlocksIn)),
     ("explicit/g2p", Device(Groups::Work)),
 ];
@@ -68,8 +73,12 @@ pub struct Stages {
 }
 
 impl Stages {
-    pub fn new(tools: Tools, memory: &Memory) -> Self {
-        let on = |side, list| Dispatches::new(tools, list, &Scope::default().and_side(memory, side));
+    /// `parted`: whether there are several fields of nodes.
+    pub fn new(tools: Tools, memory: &Memory, parted: bool) -> Self {
+        let on = |side, list: &[Stage]| {
+            let used: Vec<Stage> = list.iter().copied().filter(|stage| parted || stage.0 != PAIRS.0).collect();
+            Dispatches::new(tools, &used, &Scope::default().and_side(memory, side))
+        };
         Self {
             frame_start: on(1, FRAME_START),
             step: [0, 1].map(|side| on(side, STEP)),
