@@ -7,6 +7,7 @@ mod damping;
 mod elastic;
 mod faces;
 mod implicit;
+mod meeting;
 mod one_step;
 mod prescribed;
 mod problems;

@@ -112,6 +112,7 @@ pub fn fill(
         particles: first..problem.particles.len(),
         volume0,
         mass: density(&material) * volume0,
+        contact: None,
     });
     problem.setup.materials.push(material);
     assert!(problem.particles.len() > first, "a body without particles");

@@ -121,8 +121,8 @@ fn f64_stages(problem: &Problem) -> Box<dyn Stages> {
     cpu
 }
 
-/// Mass, momentum, velocity by (grid sign, node).
-type Nodes = BTreeMap<(i32, [i32; 3]), (f64, [f64; 3], [f64; 3])>;
+/// Mass, momentum, velocity by (field, grid sign, node).
+type Nodes = BTreeMap<(u32, i32, [i32; 3]), (f64, [f64; 3], [f64; 3])>;
 
 fn cpu_nodes(cpu: &dyn Stages, problem: &Problem) -> Nodes {
     let sign = if problem.setup.kernel == Kernel::Compact { [1, -1] } else { [0, 0] };
@@ -130,7 +130,7 @@ fn cpu_nodes(cpu: &dyn Stages, problem: &Problem) -> Nodes {
     for n in cpu.nodes() {
         let mut index = n.index;
         index[1] = index[1].rem_euclid(16); // the periodic axis
-        let old = nodes.insert((sign[n.grid], index), (n.mass, n.momentum, n.velocity));
+        let old = nodes.insert((n.field, sign[n.grid], index), (n.mass, n.momentum, n.velocity));
         assert!(old.is_none(), "node {index:?} twice");
     }
     nodes
@@ -142,7 +142,7 @@ fn compare(gpu: &[GridNode], cpu: &Nodes, problem: &Problem, velocities: bool) -
     let mut seen: Nodes = cpu.clone();
     let (mut mass, mut value) = (0.0f64, 0.0f64);
     for n in gpu {
-        let (m, p, v) = seen.remove(&(n.grid, n.node)).unwrap_or_default();
+        let (m, p, v) = seen.remove(&(n.field, n.grid, n.node)).unwrap_or_default();
         mass = mass.max((n.mass - m).abs() / full);
         for a in 0..3 {
             let difference = if velocities { (n.value[a] - v[a]) * n.mass.min(m) } else { n.value[a] - p[a] };

@@ -13,4 +13,5 @@ mod implicit_frames;
 mod implicit_order;
 mod isolated;
 mod layout;
+mod meeting;
 mod shapes;

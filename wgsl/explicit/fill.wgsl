@@ -2,7 +2,7 @@
 // there, and how the volume of fluids and loose grains follows it. Twins:
 // src/engine/explicit/cpu/fill.rs, src/core/sim/volume.rs.
 //
-// uses explicit/tile, explicit/share, shared/state
+// uses explicit/tile, explicit/share, explicit/room, shared/state
 
 /// What the particle's ∇v adds to its body's rate, as a share of itself.
 const STIRRED: f32 = 0.3;
@@ -14,13 +14,6 @@ const DENSEST: f32 = 2.0;
 const FULLEST: f32 = 1.25;
 /// Excess over full at which grains are corrected in full; below, in proportion.
 const GRADUAL: f32 = 0.02;
-
-/// Shares inside walls of the room of a node, by axis; `x`: its place (cells from the domain's
-/// corner).
-fn inside_walls(x: vec3<f32>) -> vec3<f32> {
-    let share = max(inside(x) + inside(params.cells - x) - 1.0, vec3<f32>(0.0));
-    return select(share, vec3<f32>(1.0), params.periodic == vec3<u32>(1u));
-}
 
 /// The fill of a particle in the block whose corner is at `corner` (cells).
 fn fill_around(corner: vec3<f32>, y: vec3<f32>) -> f32 {

@@ -82,7 +82,7 @@ fn main(
             principal = decompose(next.state, material.model);
             g.B = times_moment(rotation_of(g.B, next.local), next.local);
         }
-        let block = block_index(block_coordinates(job.block) + next.shift);
+        let block = block_beside(job.block, next.shift);
         if (block < 0) {
             fail(ERROR_DOMAIN, id);
         }

@@ -7,16 +7,6 @@
 //
 // uses explicit/node, explicit/share, explicit/walls, explicit/collide
 
-/// Where a node's sums are, or NOWHERE if its block is not active.
-fn place_of(n: vec3<i32>, grid: u32) -> u32 {
-    let c = n + params.pad;
-    let block = block_index(c >> vec3<u32>(2u));
-    if (block < 0 || table_in[block] == 0u) {
-        return NOWHERE;
-    }
-    return place_in(table_in[block] - 1u, grid, vec3<u32>(c & vec3<i32>(3)));
-}
-
 /// Asks for a coarser scale, or fails, if a sum comes near the end of its range.
 fn check_range(sum: i32, halt: u32) {
     if (sum > HARD_LIMIT) {
@@ -92,7 +82,9 @@ fn walls_of_axis(group: Group, a: u32, first: u32, slot: u32) {
 }
 
 fn update(slot: u32, lane: u32) {
-    let corner = 4 * block_coordinates(blocks_in[slot + 1u]) - params.pad;
+    let block = blocks_in[slot + 1u];
+    let first_block = layer(block);
+    let corner = 4 * block_coordinates(block) - params.pad;
     let n = corner + vec3<i32>(vec3<u32>(lane & 3u, (lane >> 2u) & 3u, lane >> 4u));
     let first = lane * MOST_IMAGES;
     for (var grid = 0u; grid < GRIDS; grid++) {
@@ -102,7 +94,7 @@ fn update(slot: u32, lane: u32) {
         }
         for (var k = 0u; k < MOST_IMAGES; k++) {
             if ((k & ~group.all) == 0u) {
-                let at = place_of(image_node(group, k), image_grid(group, k));
+                let at = place_of(first_block, image_node(group, k), image_grid(group, k));
                 images[first + k] = vec4<f32>(0.0);
                 if (at != NOWHERE) {
                     images[first + k] = free(at);
@@ -115,7 +107,7 @@ fn update(slot: u32, lane: u32) {
         for (var k = 0u; k < MOST_IMAGES; k++) {
             if ((k & ~group.all) == 0u) {
                 let m = image_node(group, k);
-                let at = place_of(m, image_grid(group, k));
+                let at = place_of(first_block, m, image_grid(group, k));
                 if (at != NOWHERE) {
                     finish(at, m, image_grid(group, k), images[first + k], slot);
                 }

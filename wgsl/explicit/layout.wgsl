@@ -10,6 +10,8 @@
 //
 // uses shared/structs, shared/blocks
 
+const MOST_FIELDS = 9u;
+
 struct Params {
     blocks: vec3<u32>,       // extent of the dense block table
     particles: u32,          // room for them: the stride of channels
@@ -34,10 +36,11 @@ struct Params {
     last_kick: f32,          // and before that of `last_step` (s); all others: dt
     last_step: u32,
     end_dt: f32,             // time over which the frame's last g2p moves particles (s)
-    spare0: u32,
+    fields: u32,             // layers of the block table: bodies with contact of their own, and one
     spare1: u32,
     spare2: u32,
     walls: array<vec4<f32>, 6>, // x-, x+, y-, y+, z-, z+: contact kind, friction, unused, unused
+    contacts: array<vec4<f32>, MOST_FIELDS>, // by field: contact kind, friction, kg of a full node, unused
 }
 
 struct Report {
@@ -105,6 +108,8 @@ const GRID_STRIDE = 320u; // of a block's nodes of one grid
 const FILLS_NOTHING = 0u; // nobody asks
 const FILLS_MASS = 1u;    // by its mass, because there is one material
 const FILLS_VOLUME = 2u;  // by the rest volumes that p2g sums
+
+const NOWHERE = 0xffffffffu;
 
 const HALT_BLOCKS = 1u;   // more blocks wanted than there are slots; the step was not begun
 const HALT_REPLAN = 2u;   // a particle moved further than planned; the step is complete

@@ -14,9 +14,8 @@ fn main(
     if (id >= params.live) {
         return;
     }
-    let c = block_coordinates(frame_position[id].w);
     for (var i = 0u; i < 27u; i++) {
-        let b = block_index(c + neighbour(i));
+        let b = block_beside(frame_position[id].w, neighbour(i));
         if (b >= 0) {
             claim(u32(b));
         } else {

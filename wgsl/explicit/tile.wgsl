@@ -22,9 +22,8 @@ var<workgroup> bin_bases: array<u32, 27>;
 
 /// Looks up the neighbours on the `_out` side and zeroes the sums. A barrier must follow.
 fn open_scatter(block: u32, lane: u32) {
-    let c = block_coordinates(block);
     for (var i = lane; i < 27u; i += WORKGROUP) {
-        let b = block_index(c + neighbour(i));
+        let b = block_beside(block, neighbour(i));
         var slot = 0u;
         if (b >= 0) {
             slot = atomicLoad(&table_out[b]);

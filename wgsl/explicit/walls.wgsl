@@ -13,7 +13,6 @@
 /// src/core/sim/contact.rs.
 const NEAR_WALL = 4;
 const MOST_IMAGES = 8u;
-const NOWHERE = 0xffffffffu;
 
 /// Of each image of each lane's node: velocity, and mass as fixed-point momentum per velocity.
 var<workgroup> images: array<vec4<f32>, 64u * MOST_IMAGES>;

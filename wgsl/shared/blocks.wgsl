@@ -1,11 +1,12 @@
-// Blocks of 4³ nodes in the dense table of the domain, and workgroups of folded dispatches.
+// Blocks of 4³ nodes in the dense table of the domain, and workgroups of folded dispatches. Explicit runs
+// have a layer of the table for each field.
 
 fn block_coordinates(block: u32) -> vec3<i32> {
     let n = params.blocks;
-    return vec3<i32>(vec3<u32>(block % n.x, (block / n.x) % n.y, block / (n.x * n.y)));
+    return vec3<i32>(vec3<u32>(block % n.x, (block / n.x) % n.y, (block / (n.x * n.y)) % n.z));
 }
 
-/// Index in the block table, wrapped on periodic axes; -1 outside.
+/// Index in the first layer of the block table, wrapped on periodic axes; -1 outside.
 fn block_index(c: vec3<i32>) -> i32 {
     let n = vec3<i32>(params.blocks);
     let wrapped = select(c, ((c % n) + n) % n, params.periodic == vec3<u32>(1u));
@@ -13,6 +14,22 @@ fn block_index(c: vec3<i32>) -> i32 {
         return -1;
     }
     return (wrapped.z * n.y + wrapped.y) * n.x + wrapped.x;
+}
+
+/// Blocks of a layer of the table.
+fn layer_size() -> u32 {
+    return params.blocks.x * params.blocks.y * params.blocks.z;
+}
+
+/// First block of the layer that a block is in.
+fn layer(block: u32) -> u32 {
+    return block - block % layer_size();
+}
+
+/// The block at an offset from another one, in its layer; -1 outside.
+fn block_beside(block: u32, offset: vec3<i32>) -> i32 {
+    let there = block_index(block_coordinates(block) + offset);
+    return select(there + i32(layer(block)), -1, there < 0);
 }
 
 /// Linear index of a workgroup in a dispatch that was folded into two dimensions.

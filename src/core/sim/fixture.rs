@@ -40,7 +40,14 @@ pub fn problem(dimension: usize, dx: f64, materials: Vec<Material>, blocks: &[Bl
         particles.plastic.resize(n, 0.0);
         particles.body.resize(n, index as u32);
         let mass = materials[material].density() * volume0;
-        bodies.push(Body { name: format!("body {index}"), material, particles: first..n, volume0, mass });
+        bodies.push(Body {
+            name: format!("body {index}"),
+            material,
+            particles: first..n,
+            volume0,
+            mass,
+            contact: None,
+        });
     }
     let cells = (1.0 / dx).round() as usize;
     let setup = Setup {

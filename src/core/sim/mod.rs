@@ -12,6 +12,7 @@ pub mod inlet;
 pub mod kernel;
 pub mod moments;
 pub mod notice;
+pub mod pair;
 pub mod particles;
 pub mod reaction;
 pub mod settings;

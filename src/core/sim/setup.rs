@@ -33,6 +33,8 @@ pub struct Body {
     pub volume0: f64,
     /// Mass of one particle (kg; 2D: kg/m).
     pub mass: f64,
+    /// Its contact with other bodies; none if it sticks to those that have none.
+    pub contact: Option<Contact>,
 }
 
 /// A scene made ready to run.

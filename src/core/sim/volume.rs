@@ -21,6 +21,7 @@
 //! In loose grains the volumetric strain takes the place of J, plastic volume included, and only
 //! what is too full is corrected.
 
+use super::pair::is_parted;
 use super::setup::{Body, Setup};
 use crate::material::Law;
 
@@ -68,5 +69,6 @@ pub fn relaxation(setup: &Setup, body: &Body) -> Option<Relaxation> {
 /// Whether bodies of different materials may share nodes, so that mass does not tell volume.
 pub fn is_mixed(setup: &Setup) -> bool {
     let Some(first) = setup.bodies.first() else { return false };
-    setup.bodies.iter().any(|body| body.material != first.material)
+    // Bodies with contact of their own ask for volumes, too (`pair`).
+    is_parted(setup) || setup.bodies.iter().any(|body| body.material != first.material)
 }

@@ -4,7 +4,7 @@ use gridfall_core::material::initial_plastic_state;
 use gridfall_core::sim::collider::{Sdf, rotate};
 use gridfall_core::sim::moments::moment_matrix;
 use gridfall_core::sim::particles::{IDENTITY, Particles};
-use gridfall_core::sim::setup::{Body, Problem, Setup};
+use gridfall_core::sim::setup::{Body, Contact, Problem, Setup};
 use rayon::prelude::*;
 
 use crate::grid::{lattice, particles_per_axis, particles_per_cell, periodic};
@@ -97,6 +97,7 @@ pub fn add_body(problem: &mut Problem, scene: &Scene, resolved: &Resolved, index
         particles: start..particles.len(),
         volume0,
         mass: material_law.density() * volume0,
+        contact: body.contact.map(|kind| Contact { kind, friction: body.friction }),
     });
 }
 

@@ -60,7 +60,14 @@ pub(crate) fn build(scene: &Scene, resolved: &Resolved) -> Problem {
         let material = material(&source.material);
         let (volume0, none) = (built.spacing.powi(dimension as i32), problem.particles.len());
         let mass = problem.setup.materials[material].density() * volume0;
-        problem.setup.bodies.push(Body { name: source.name.clone(), material, particles: none..none, volume0, mass });
+        problem.setup.bodies.push(Body {
+            name: source.name.clone(),
+            material,
+            particles: none..none,
+            volume0,
+            mass,
+            contact: None,
+        });
         problem.setup.sources.push(built);
     }
     (problem.setup.integrator, problem.setup.integrator_reason) =

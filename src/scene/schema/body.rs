@@ -1,5 +1,6 @@
 //! Bodies and the particles they are made of.
 
+use gridfall_core::sim::contact::ContactKind;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -39,9 +40,20 @@ pub struct Body {
     /// Initial volume ratio.
     #[serde(rename = "J", default, skip_serializing_if = "Option::is_none")]
     pub j: Option<f64>,
+    #[doc = "What other bodies meet at this one, in explicit runs: `separate` and `slip` bodies move apart from all \
+             others. It sticks by default to bodies that stick, with which it shares the nodes of the grid."]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact: Option<ContactKind>,
+    /// Coulomb friction coefficient; for `separate` only. Of two bodies' the smaller counts.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub friction: f64,
     /// Regions that hold the body, or move it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub grips: Vec<Grip>,
+}
+
+fn is_zero(x: &f64) -> bool {
+    *x == 0.0
 }
 
 #[doc = "Particles from a PLY (x, y, z; vx, vy, vz if it has them) or an npz (`x` n × d; `v` n × d, \

@@ -170,7 +170,14 @@ pub fn problem(spacing: f64) -> Problem {
         }
         let volume0 = spacing.powi(3);
         let particles = first..particles.len();
-        bodies.push(Body { name: name.into(), material: index, particles, volume0, mass: 1000.0 * volume0 });
+        bodies.push(Body {
+            name: name.into(),
+            material: index,
+            particles,
+            volume0,
+            mass: 1000.0 * volume0,
+            contact: None,
+        });
     }
     let solid = |primitive, translation| SdfOp::Primitive { primitive, rotation: IDENTITY, translation };
     let contact = Contact { kind: ContactKind::Slip, friction: 0.0 };

@@ -17,8 +17,14 @@ fn cube(kernel: Kernel, transfer: Transfer) -> Problem {
     for (k, x) in particles.x.iter_mut().enumerate() {
         *x = [k % 20, k / 20 % 20, k / 400].map(|i| 3.0 + (i as f64 + 0.5) / 20.0);
     }
-    setup.bodies[0] =
-        Body { name: "cube".into(), material: 0, particles: 0..8000, volume0: 1.0 / 8000.0, mass: 2.0 / 8000.0 };
+    setup.bodies[0] = Body {
+        name: "cube".into(),
+        material: 0,
+        particles: 0..8000,
+        volume0: 1.0 / 8000.0,
+        mass: 2.0 / 8000.0,
+        contact: None,
+    };
     Problem { setup, particles }
 }
 

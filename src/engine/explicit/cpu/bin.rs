@@ -15,7 +15,7 @@ use gridfall_core::sim::touch::Touch;
 /// Where a particle goes, and where it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Place {
-    /// Packed coordinates of its block.
+    /// Packed field and coordinates of its block.
     pub block: u64,
     /// Index in sampling order; a body's particles are consecutive.
     pub id: u32,
@@ -24,16 +24,18 @@ pub struct Place {
 }
 
 /// Bits of a packed block coordinate.
-const BITS: u32 = 21;
+const BITS: u32 = 20;
+/// Where a packed field begins, above three coordinates.
+const FIELD: u32 = 60;
 
-/// Block coordinates as one number of the same order.
-pub fn pack<const D: usize>(block: [i32; D]) -> u64 {
-    keys::pack::<BITS, D>(block)
+/// A field ([`gridfall_core::sim::pair`]) and block coordinates as one number of the same order.
+pub fn pack<const D: usize>(field: u32, block: [i32; D]) -> u64 {
+    u64::from(field) << FIELD | keys::pack::<BITS, D>(block)
 }
 
-/// The block coordinates that [`pack`] made a number of.
-pub fn unpack<const D: usize>(key: u64) -> [i32; D] {
-    keys::unpack::<BITS, D>(key)
+/// The field and the block coordinates that [`pack`] made a number of.
+pub fn unpack<const D: usize>(key: u64) -> (u32, [i32; D]) {
+    ((key >> FIELD) as u32, keys::unpack::<BITS, D>(key))
 }
 
 /// The block that a position (dx, relative to `block`) belongs to, and the position relative to that; `cell` as in
@@ -109,7 +111,8 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         let used = (0..old.chunks.len() * LANES).into_par_iter().filter(|&at| at % LANES < old.at(at).1.count);
         let place = |at: usize| {
             let (_, chunk, l) = old.at(at);
-            Place { block: pack(home(&old, at).0), id: chunk.id[l], at: at as u32 }
+            let field = self.constants.bodies[chunk.body as usize].field;
+            Place { block: pack(field, home(&old, at).0), id: chunk.id[l], at: at as u32 }
         };
         let places: Vec<Place> = used.map(place).collect();
         let mut bodies = vec![0; places.len()];
@@ -165,14 +168,14 @@ impl<T: Real, const D: usize> Simulation<T, D> {
             chunk
         };
         let block = |source: &S, places: &[Place]| {
-            let coordinates = unpack(places[0].block);
+            let (field, coordinates) = unpack(places[0].block);
             let runs = places.chunk_by(|a, b| body(a) == body(b)).flat_map(|of_body| of_body.chunks(LANES));
             let runs: Vec<&[Place]> = runs.collect();
             let chunks = runs.into_iter().map(|run| chunk(source, run)).collect();
             let follows = self.constants.follows;
             let walls = follows.then(|| wall_room(&self.setup, &self.constants.layout, &coordinates)).flatten();
             let (inside, planes) = (self.inside(&coordinates), self.planes(&coordinates));
-            Block { coordinates, chunks, inside, planes, walls }
+            Block { field, coordinates, chunks, inside, planes, walls }
         };
         let mut blocks = Vec::with_capacity(of_block.len());
         for part in of_block.chunks(of_block.len().div_ceil(PARTS).max(1)) {

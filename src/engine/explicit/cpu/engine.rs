@@ -19,15 +19,15 @@ pub struct CpuEngine {
 }
 
 impl CpuEngine {
-    /// Loads the problem at time 0. Errors: [`EngineError::Capacity`] beyond 2³² particles or 2²²
+    /// Loads the problem at time 0. Errors: [`EngineError::Capacity`] beyond 2³² particles or 2²¹
     /// cells along an axis.
     pub fn new(setup: &Setup, particles: Particles) -> Result<Self, EngineError> {
         let total = setup.total_particles();
         if u32::try_from(total).is_err() {
             return Err(EngineError::Capacity(format!("{total} particles; this engine counts to 2^32 - 1")));
         }
-        if let Some(cells) = setup.cells.iter().find(|&&cells| cells > 1 << 22) {
-            return Err(EngineError::Capacity(format!("{cells} cells along an axis; this engine counts to 2^22")));
+        if let Some(cells) = setup.cells.iter().find(|&&cells| cells > 1 << 21) {
+            return Err(EngineError::Capacity(format!("{cells} cells along an axis; this engine counts to 2^21")));
         }
         Ok(Self {
             backend: Backend::this_cpu("the CPU engine runs every scene"),

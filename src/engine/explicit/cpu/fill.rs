@@ -54,9 +54,9 @@ pub fn wall_room<T: Real, const D: usize>(
         for g in 0..layout.grids {
             for k in 0..layout.width {
                 let x = (tile::BLOCK * block[a] + layout.lowest[g] + k as i32) as f64 + layout.shift[g];
-                let share = (layout.inside)(x) + (layout.inside)(setup.cells[a] as f64 - x) - 1.0;
+                let share = layout.inside_walls(&setup.axes[a], setup.cells[a], x);
                 cut |= share < 1.0;
-                shares[g][k] = T::from_f64(share.max(0.0));
+                shares[g][k] = T::from_f64(share);
             }
         }
         cut.then_some(shares)

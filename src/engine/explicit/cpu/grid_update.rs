@@ -1,5 +1,5 @@
-//! Grid update: sum the tiles, v_i = p_i / m_i + dt g, then walls axis by axis, then colliders in
-//! scene order.
+//! Grid update: sum the tiles, let bodies meet that have nodes of their own ([`super::pairs`]),
+//! v_i = p_i / m_i + dt g, then walls axis by axis, then colliders in scene order.
 //!
 //! In: tiles (forces are already in their momenta). Out: node velocities, and what surfaces took.
 //! One thread per grid block; a node's sum runs over the tiles in the order of their blocks, a
@@ -7,12 +7,14 @@
 
 use rayon::prelude::*;
 
+use super::pairs::Fields;
 use super::simulation::{Block, Constants};
 use super::tables::Tables;
 use super::tile::{BLOCK, Layout, MASS, Node};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::collider::{NORMAL_STEP_DX, Placed};
 use gridfall_core::sim::contact::{ContactKind, mirrored, respond, stick_mirrored, wall_side};
+use gridfall_core::sim::pair;
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::{Axis, Contact, ContactAt, Setup};
 
@@ -26,6 +28,8 @@ pub struct Grid<T, const D: usize> {
     room: Vec<T>,
     /// Rest volume at each node over dx^d; empty unless materials differ.
     filled: Vec<T>,
+    /// Masses and momenta after bodies have met; empty if none has nodes of its own.
+    met: Vec<Node<T>>,
 }
 
 /// What P2G has summed by tiles.
@@ -64,12 +68,14 @@ impl<T: Real> Gathered<T> {
 /// A node as tests see it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NodeState {
+    /// Of the bodies whose node it is, see [`gridfall_core::sim::pair`].
+    pub field: u32,
     pub grid: usize,
     /// Node i of grid s lies at (i + s/4) dx; z is 0 in 2D.
     pub index: [i32; 3],
     /// kg.
     pub mass: f64,
-    /// Forces of the coming step included (kg·m/s).
+    /// Forces of the coming step included, contact not (kg·m/s).
     pub momentum: [f64; 3],
     /// After the last grid update (m/s).
     pub velocity: [f64; 3],
@@ -78,10 +84,10 @@ pub struct NodeState {
 impl<T: Real, const D: usize> Grid<T, D> {
     /// The nodes that the tiles of `blocks` reach.
     pub fn new(blocks: &[Block<T, D>], layout: &Layout, period: &[Option<i32>; D]) -> Self {
-        let corners: Vec<[i32; D]> = blocks.iter().map(|b| b.coordinates).collect();
+        let corners: Vec<(u32, [i32; D])> = blocks.iter().map(|b| (b.field, b.coordinates)).collect();
         let tables = Tables::new(&corners, layout, period);
         let velocities = vec![[T::ZERO; 4]; tables.nodes()];
-        Self { tables, velocities, room: Vec::new(), filled: Vec::new() }
+        Self { tables, velocities, room: Vec::new(), filled: Vec::new(), met: Vec::new() }
     }
 
     /// Copies what G2P reads at a tile's nodes.
@@ -119,7 +125,7 @@ impl<T: Real, const D: usize> Grid<T, D> {
     /// the velocity would be noise, and such a node adds nothing to its particles.
     #[inline(always)]
     fn free(&self, slot: usize, tiles: &[Node<T>], fall: &[T; D]) -> Option<(T, [T; D])> {
-        let node = self.sum(slot, tiles);
+        let node = if self.met.is_empty() { self.sum(slot, tiles) } else { self.met[slot] };
         (node[MASS] >= T::TINY).then(|| (node[MASS], std::array::from_fn(|a| node[a] / node[MASS] + fall[a])))
     }
 
@@ -152,6 +158,13 @@ impl<T: Real, const D: usize> Grid<T, D> {
             self.filled =
                 (0..self.tables.nodes()).into_par_iter().map(|node| self.volume(node, tiles.volumes)).collect();
         }
+        if pair::is_parted(setup) {
+            let sums = (0..self.tables.nodes()).into_par_iter().map(|node| self.sum(node, tiles.nodes)).collect();
+            let volumes = std::mem::take(&mut self.filled);
+            let full = pair::full_nodes(setup).into_iter().map(T::from_f64).collect();
+            let fields = Fields { setup, constants, tables: &self.tables, nodes: sums, full, volumes };
+            (self.met, self.filled) = fields.meet();
+        }
         let mut room = std::mem::take(&mut self.room);
         let asked = *follows && !present.is_empty();
         room.resize(if asked { self.tables.nodes() } else { 0 }, T::ONE);
@@ -162,7 +175,7 @@ impl<T: Real, const D: usize> Grid<T, D> {
         let taken: Vec<Taken> = blocks
             .into_par_iter()
             .enumerate()
-            .map(|(index, (block, corner, mut room))| {
+            .map(|(index, (block, (field, corner), mut room))| {
                 let near = near(setup, &present, corner, *follows);
                 let mut taken = Taken { setup, sums: Vec::new() };
                 if let Some(room) = &mut room {
@@ -177,7 +190,7 @@ impl<T: Real, const D: usize> Grid<T, D> {
                         room[local] = T::from_f64(free_share(setup, &near, layout, &at));
                     }
                     let Some((mass, v)) = free else { continue };
-                    let v = walls.respond(D, g, i, mass, v, &mut |wall, from, to| {
+                    let v = walls.respond(D, (*field, g), i, mass, v, &mut |wall, from, to| {
                         taken.take(wall, mass, from, to, [0.0; 3]);
                     });
                     let v = near
@@ -205,14 +218,15 @@ impl<T: Real, const D: usize> Grid<T, D> {
             let sum = self.sum(slot, tiles);
             if sum[MASS] > T::ZERO {
                 let block_nodes = self.tables.block_nodes();
-                let (grid, i) = Tables::node(&self.tables.blocks[slot / block_nodes], slot % block_nodes);
+                let (field, corner) = self.tables.blocks[slot / block_nodes];
+                let (grid, i) = Tables::node(&corner, slot % block_nodes);
                 let (mut index, mut momentum, mut velocity) = ([0; 3], [0.0; 3], [0.0; 3]);
                 for a in 0..D {
                     index[a] = i[a];
                     momentum[a] = sum[a].to_f64();
                     velocity[a] = self.velocities[slot][a].to_f64();
                 }
-                nodes.push(NodeState { grid, index, mass: sum[MASS].to_f64(), momentum, velocity });
+                nodes.push(NodeState { field, grid, index, mass: sum[MASS].to_f64(), momentum, velocity });
             }
         }
         nodes
@@ -261,9 +275,17 @@ struct Walls<'a, T, const D: usize> {
 impl<T: Real, const D: usize> Walls<'_, T, D> {
     /// The velocity `v` of a node before contact becomes that after contact with the walls of the
     /// first `axes` axes, one after the other. `take` hears of every change.
-    fn respond(&self, axes: usize, g: usize, node: [i32; D], mass: T, v: [T; D], take: &mut Hears<'_, T, D>) -> [T; D] {
+    fn respond(
+        &self,
+        axes: usize,
+        (field, g): (u32, usize),
+        node: [i32; D],
+        mass: T,
+        v: [T; D],
+        take: &mut Hears<'_, T, D>,
+    ) -> [T; D] {
         let Some(a) = axes.checked_sub(1) else { return v };
-        let v = self.respond(a, g, node, mass, v, take);
+        let v = self.respond(a, (field, g), node, mass, v, take);
         let Axis::Walls(contacts) = &self.setup.axes[a] else { return v };
         let (i, cells) = (node[a], self.setup.cells[a] as i32);
         let is_sticky = |side: usize| contacts[side].kind == ContactKind::Sticky;
@@ -273,9 +295,9 @@ impl<T: Real, const D: usize> Walls<'_, T, D> {
                 there[a] = image;
                 // The mirror image of a grid is the other one, a single grid's its own.
                 let other = self.grid.tables.grids - 1 - g;
-                let slot = self.grid.tables.slot(other, there);
+                let slot = self.grid.tables.slot(field, other, there);
                 let Some((m, u)) = slot.and_then(|slot| self.grid.free(slot, self.tiles, &self.fall)) else { return v };
-                let u = self.respond(a, other, there, m, u, &mut |_, _, _| {});
+                let u = self.respond(a, (field, other), there, m, u, &mut |_, _, _| {});
                 (side, stick_mirrored([&v, &u], [mass, m]))
             }
             (_, Some(side)) if !is_sticky(side) => {

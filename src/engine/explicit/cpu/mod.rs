@@ -13,6 +13,7 @@ mod interpolation;
 mod isolated;
 mod narrow;
 mod p2g;
+mod pairs;
 mod simulation;
 mod stages;
 mod tables;

@@ -16,6 +16,7 @@ use super::touch::{self as touching, Contacts, Taken};
 use gridfall_core::material::{Damping, Law};
 use gridfall_core::maths::linalg::{double_dot, scaled_identity, to_row_major};
 use gridfall_core::maths::real::Real;
+use gridfall_core::sim::pair;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::{Axis, Body, Setup, Transfer};
@@ -37,6 +38,8 @@ pub struct BodySetup<T> {
     /// Cells that a particle fills at rest: V0 / dx^d.
     pub cells: T,
     pub relaxation: Option<Relaxation<T>>,
+    /// Whose nodes it has, see [`pair`].
+    pub field: u32,
 }
 
 /// [`volume::Relaxation`] in the simulation's scalar.
@@ -90,6 +93,8 @@ pub struct Constants<T, const D: usize> {
 /// 4 cells an axis that hold particles.
 #[derive(Clone, Debug)]
 pub struct Block<T, const D: usize> {
+    /// Of its particles, see [`pair`].
+    pub field: u32,
     /// Lowest cell / 4.
     pub coordinates: [i32; D],
     pub chunks: Vec<Chunk<T, D>>,
@@ -125,7 +130,9 @@ pub struct Simulation<T, const D: usize> {
 
 impl<T: Real, const D: usize> Simulation<T, D> {
     pub fn new(setup: &Setup, particles: Particles) -> Self {
-        let bodies = setup.bodies.iter().zip(demands_at_rest_1_s2(setup)).map(|(body, demand)| BodySetup {
+        let fields = pair::fields(setup);
+        let bodies = setup.bodies.iter().zip(demands_at_rest_1_s2(setup)).zip(&fields);
+        let bodies = bodies.map(|((body, demand), &field)| BodySetup {
             law: Law::new(&setup.materials[body.material]),
             damping: Damping::of(&setup.materials[body.material]),
             mass: T::from_f64(body.mass),
@@ -133,6 +140,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
             demand: T::from_f64(demand),
             cells: T::from_f64(body.volume0 / setup.dx.powi(D as i32)),
             relaxation: Relaxation::of(setup, body),
+            field: field as u32,
         });
         let bodies: Vec<BodySetup<T>> = bodies.collect();
         let follows = bodies.iter().any(|body| body.relaxation.is_some());
@@ -180,8 +188,11 @@ impl<T: Real, const D: usize> Simulation<T, D> {
             let x = std::array::from_fn(|a| (x[a] - origin[a]) / dx);
             bin::home::<f64, D>(cell, &period, [0; D], x)
         };
-        let place = |(i, x): (usize, &[f64; 3])| Place { block: bin::pack(home(x).0), id: i as u32, at: i as u32 };
-        let places = particles.x.par_iter().enumerate().map(place).collect();
+        let place = |(i, (x, body)): (usize, (&[f64; 3], &u32))| {
+            let field = self.constants.bodies[*body as usize].field;
+            Place { block: bin::pack(field, home(x).0), id: i as u32, at: i as u32 }
+        };
+        let places = particles.x.par_iter().zip(&particles.body).enumerate().map(place).collect();
         let mut states = Narrow::<T, D>::new(particles, &self.constants, |x| home(x).1, dx);
         let body = std::mem::take(&mut states.body);
         self.place(places, &body, states, Narrow::write, |_, _| {});

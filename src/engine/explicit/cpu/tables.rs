@@ -9,8 +9,8 @@ use super::tile::{BLOCK, Layout};
 /// Periodic images are folded, whatever the number of cells.
 #[derive(Clone, Debug, Default)]
 pub struct Tables<const D: usize> {
-    /// Coordinates of the grid blocks: lowest node / 4.
-    pub blocks: Vec<[i32; D]>,
+    /// Field and coordinates of the grid blocks: lowest node / 4.
+    pub blocks: Vec<(u32, [i32; D])>,
     pub grids: usize,
     /// Entries of a tile.
     tile: usize,
@@ -26,14 +26,15 @@ pub struct Tables<const D: usize> {
 type AxisNodes = Vec<(i32, usize)>;
 
 impl<const D: usize> Tables<D> {
-    /// `corners`: coordinates of the particle blocks.
-    pub fn new(corners: &[[i32; D]], layout: &Layout, period: &[Option<i32>; D]) -> Self {
+    /// `corners`: field and coordinates of the particle blocks.
+    pub fn new(corners: &[(u32, [i32; D])], layout: &Layout, period: &[Option<i32>; D]) -> Self {
         let mut keys: Vec<u64> = corners.par_iter().flat_map_iter(|corner| touched(corner, layout, period)).collect();
         keys.par_sort_unstable();
         keys.dedup();
         let (grids, tile) = (layout.grids, layout.tile(D));
         let mut slots = vec![0; corners.len() * tile];
-        let fill = |(slots, corner): (&mut [u32], &[i32; D])| node_of_entries(slots, corner, &keys, layout, period);
+        let fill =
+            |(slots, corner): (&mut [u32], &(u32, [i32; D]))| node_of_entries(slots, corner, &keys, layout, period);
         slots.par_chunks_exact_mut(tile).zip(corners).for_each(fill);
 
         let mut tables =
@@ -80,10 +81,15 @@ impl<const D: usize> Tables<D> {
         &self.entries[self.first[node] as usize..self.first[node + 1] as usize]
     }
 
-    /// Slot of a node, if a tile reaches it.
-    pub fn slot(&self, grid: usize, node: [i32; D]) -> Option<usize> {
-        let block = pack(node.map(|i| i.div_euclid(BLOCK)));
-        let found = self.blocks.binary_search_by_key(&block, |&block| pack(block)).ok()?;
+    /// The block of a field, if a tile reaches it.
+    pub fn block(&self, field: u32, corner: [i32; D]) -> Option<usize> {
+        let key = pack(field, corner);
+        self.blocks.binary_search_by_key(&key, |&(field, block)| pack(field, block)).ok()
+    }
+
+    /// Slot of a field's node, if a tile reaches it.
+    pub fn slot(&self, field: u32, grid: usize, node: [i32; D]) -> Option<usize> {
+        let found = self.block(field, node.map(|i| i.div_euclid(BLOCK)))?;
         let local = node.iter().fold(grid, |at, i| at * BLOCK as usize + i.rem_euclid(BLOCK) as usize);
         Some(found * self.block_nodes() + local)
     }
@@ -103,7 +109,7 @@ fn axis_nodes(corner: i32, lowest: i32, width: usize, period: Option<i32>) -> Ax
 }
 
 /// Keys of the grid blocks that a tile reaches.
-fn touched<const D: usize>(corner: &[i32; D], layout: &Layout, period: &[Option<i32>; D]) -> Vec<u64> {
+fn touched<const D: usize>((field, corner): &(u32, [i32; D]), layout: &Layout, period: &[Option<i32>; D]) -> Vec<u64> {
     let mut reached = vec![[0; D]];
     for a in 0..D {
         let grids = (0..layout.grids).flat_map(|g| axis_nodes(corner[a], layout.lowest[g], layout.width, period[a]));
@@ -119,12 +125,12 @@ fn touched<const D: usize>(corner: &[i32; D], layout: &Layout, period: &[Option<
         };
         reached = reached.into_iter().flat_map(extend).collect();
     }
-    reached.into_iter().map(pack).collect()
+    reached.into_iter().map(|block| pack(*field, block)).collect()
 }
 
 fn node_of_entries<const D: usize>(
     slots: &mut [u32],
-    corner: &[i32; D],
+    (field, corner): &(u32, [i32; D]),
     keys: &[u64],
     layout: &Layout,
     period: &[Option<i32>; D],
@@ -142,7 +148,7 @@ fn node_of_entries<const D: usize>(
                 block[a] = b;
                 local = local * BLOCK as usize + place;
             }
-            let key = pack(block);
+            let key = pack(*field, block);
             if key != known.0 {
                 known = (key, keys.binary_search(&key).expect("the blocks that tiles reach are known"));
             }
@@ -159,7 +165,7 @@ mod tests {
     #[test]
     fn entries_and_nodes_are_each_others_inverse() {
         let layout = Layout::of::<Compact, 2, 2>();
-        let corners = [[0, 0], [0, 1], [2, 1]];
+        let corners = [(0, [0, 0]), (0, [0, 1]), (1, [0, 1]), (1, [2, 1])];
         let tables = Tables::new(&corners, &layout, &[None, Some(7)]);
         let mut seen = 0;
         for node in 0..tables.nodes() {
@@ -175,10 +181,10 @@ mod tests {
     fn entries_are_the_nodes_where_they_lie() {
         let layout = Layout::of::<Cubic, 1, 4>();
         let (corner, period) = ([-1, 3], Some(14));
-        let tables = Tables::new(&[corner], &layout, &[None, period]);
+        let tables = Tables::new(&[(3, corner)], &layout, &[None, period]);
         for (entry, &slot) in tables.tile(0).iter().enumerate() {
             let slot = slot as usize;
-            let (grid, i) = Tables::node(&tables.blocks[slot / tables.block_nodes()], slot % tables.block_nodes());
+            let (grid, i) = Tables::node(&tables.blocks[slot / tables.block_nodes()].1, slot % tables.block_nodes());
             let expected =
                 [(entry / layout.width) as i32 - 4, (entry % layout.width) as i32 + 12].map(|i| i + layout.lowest[0]);
             assert_eq!((grid, i), (0, [expected[0], expected[1].rem_euclid(14)]));

@@ -7,6 +7,7 @@
 
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::kernel::ShapeFunction;
+use gridfall_core::sim::setup::Axis;
 
 /// Cells of a block along an axis.
 pub const BLOCK: i32 = 4;
@@ -60,6 +61,14 @@ impl Layout {
     /// Nodes of a tile, all grids.
     pub fn tile(&self, dimension: usize) -> usize {
         self.grids * self.width.pow(dimension as u32)
+    }
+
+    /// Share of a node's room inside the walls of an axis of so many cells; `x`: its place there (dx).
+    pub fn inside_walls(&self, axis: &Axis, cells: usize, x: f64) -> f64 {
+        match axis {
+            Axis::Periodic => 1.0,
+            Axis::Walls(_) => ((self.inside)(x) + (self.inside)(cells as f64 - x) - 1.0).max(0.0),
+        }
     }
 }
 

@@ -123,7 +123,7 @@ impl GpuEngine {
         layout.body_of = particles.body;
         scene.write(&gpu, &buffers.memory);
         let programs = Programs::new(Variant::of(setup));
-        let stages = Stages::new(Tools { gpu: &gpu, programs: &programs }, &buffers.memory, counts.touches);
+        let stages = Stages::new(Tools { gpu: &gpu, programs: &programs }, &buffers.memory, setup);
         let backend = gpu.backend(reason);
         let params = layout.params(setup);
         let max_speed = extremes.speed_m_s + 3.0f64.sqrt() * setup.dx * extremes.affine_rate_1_s;
@@ -363,7 +363,7 @@ impl GpuEngine {
         self.params.capacity = capacity as u32;
         self.write_params();
         let tools = Tools { gpu: &self.gpu, programs: &self.programs };
-        self.stages = Stages::new(tools, &self.buffers.memory, self.buffers.counts.touches);
+        self.stages = Stages::new(tools, &self.buffers.memory, &self.setup);
         // The interrupted activation left claims without slots.
         self.gpu.submit(|encoder| self.clear_side(encoder, 1 - side));
         tracing::debug!(old, capacity, "grid grown");

@@ -2,6 +2,7 @@
 //! `tests/twins/layout.rs` compares every offset with naga's.
 
 use bytemuck::{Pod, Zeroable};
+use gridfall_core::sim::pair;
 
 /// Nodes of one grid in a block.
 pub const BLOCK_NODES: usize = 64;
@@ -16,6 +17,9 @@ pub const TOUCH_CHANNELS: usize = 5;
 pub const PAD_BLOCKS: usize = 2;
 /// Most particles in a work item (`WORK_MAX` in the shaders).
 pub const WORK_MAX: usize = 1024;
+
+/// Most layers of the block table: bodies with contact of their own, and one for all others.
+pub const MOST_FIELDS: usize = pair::MOST + 1;
 
 /// Copies of the surfaces' sums, which the host adds up (`REPLICAS` in the shaders).
 pub const REPLICAS: usize = 16;
@@ -80,10 +84,11 @@ pub struct Params {
     pub last_kick: f32,
     pub last_step: u32,
     pub end_dt: f32,
-    pub spare0: u32,
+    pub fields: u32,
     pub spare1: u32,
     pub spare2: u32,
     pub walls: [[f32; 4]; 6],
+    pub contacts: [[f32; 4]; MOST_FIELDS],
 }
 
 #[repr(C)]

@@ -12,6 +12,8 @@ use gridfall_core::sim::setup::Setup;
 /// A grid node as the device sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridNode {
+    /// Of the bodies whose node it is, see [`gridfall_core::sim::pair`].
+    pub field: u32,
     /// +1 and -1 on the compact kernel's pair, 0 on a single grid.
     pub grid: i32,
     /// The node lies at `domain.min + (node + grid/4) dx`.
@@ -70,8 +72,8 @@ pub fn nodes(
     let mut out = Vec::new();
     for slot in 0..active {
         let block = blocks[slot + 1];
-        let [nx, ny, _] = params.blocks;
-        let corner = [block % nx, (block / nx) % ny, block / (nx * ny)];
+        let [nx, ny, nz] = params.blocks;
+        let corner = [block % nx, (block / nx) % ny, (block / (nx * ny)) % nz];
         for grid in 0..grids {
             for n in 0..BLOCK_NODES {
                 let at = (slot * grids + grid) * BLOCK_NODES * NODE_CHANNELS + n;
@@ -84,6 +86,7 @@ pub fn nodes(
                     if updated { f64::from(f32::from_bits(raw as u32)) } else { f64::from(raw) * momentum_unit }
                 });
                 out.push(GridNode {
+                    field: block / (nx * ny * nz),
                     grid: grid_offsets(setup.kernel)[grid],
                     node: std::array::from_fn(|a| 4 * corner[a] as i32 + local[a] as i32 - params.pad[a]),
                     mass: f64::from(values[at]) / f64::from(params.mass_scale),

@@ -5,10 +5,8 @@ use super::engine::{Course, GpuEngine};
 use super::layout;
 use super::readback::{self, GridNode};
 use crate::contract::{Engine, EngineError};
+use gridfall_core::sim::pair;
 use gridfall_core::sim::particles::Particles;
-
-/// Dispatches of a frame's last step up to the updated grid.
-const UPDATED: usize = 2;
 
 /// Steps taken stage by stage, for comparison with the CPU engine's stages.
 pub struct Staged<'a> {
@@ -45,15 +43,20 @@ impl<'a> Staged<'a> {
     /// Updates the grid; the nodes carry velocity.
     pub fn grid_update(&mut self) -> Result<Vec<GridNode>, EngineError> {
         self.engine.write_poses(self.steps, 1, self.dt_s, u64::MAX);
-        self.engine.submit(self.engine.stages.frame_end[self.side()].iter().take(UPDATED));
+        self.engine.submit(self.engine.stages.frame_end[self.side()].iter().take(self.updated()));
         self.nodes(true)
     }
 
     /// Finishes the step.
     pub fn g2p(self) -> Result<Particles, EngineError> {
-        self.engine.submit(self.engine.stages.frame_end[self.side()].iter().skip(UPDATED));
+        self.engine.submit(self.engine.stages.frame_end[self.side()].iter().skip(self.updated()));
         self.check()?;
         self.engine.snapshot()
+    }
+
+    /// Dispatches of a frame's last step up to the updated grid.
+    fn updated(&self) -> usize {
+        2 + usize::from(pair::is_parted(&self.engine.setup))
     }
 
     /// The side of the grid that was filled last.

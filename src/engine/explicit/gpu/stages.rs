@@ -3,6 +3,9 @@
 use super::layout::Groups;
 use crate::gpu::memory::{Memory, Scope};
 use crate::gpu::program::{Dispatches, Tools};
+use gridfall_core::sim::pair;
+use gridfall_core::sim::setup::Setup;
+use gridfall_core::sim::touch;
 
 /// How many workgroups a dispatch has.
 #[derive(Clone, Copy, Debug)]
@@ -33,6 +36,9 @@ pub const FRAME_START: &[Stage] = &[
     ("explicit/p2g", Device(Groups::Work)),
 ];
 
+/// Only in scenes with several fields of nodes.
+const PAIRS: Stage = ("explicit/pairs", Device(Groups::BlocksIn));
+
 /// Grid n → grid n + 1. Activation comes first, so that a step that lacks room leaves everything
 /// as it was.
 pub const STEP: &[Stage] = &[
@@ -40,6 +46,7 @@ pub const STEP: &[Stage] = &[
     ("explicit/reset", Device(Groups::Stale)),
     ("explicit/activate", Device(Groups::Work)),
     ("explicit/commit", One),
+    PAIRS,
     ("explicit/grid_update", Device(Groups::BlocksIn)),
     ("explicit/clear", Device(Groups::BlocksOut)),
     ("explicit/touch", Device(Groups::Work)),
@@ -51,6 +58,7 @@ pub const STEP: &[Stage] = &[
 /// The last step: grid → full particle states.
 pub const FRAME_END: &[Stage] = &[
     ("explicit/prepare", One),
+    PAIRS,
     ("explicit/grid_update", Device(Groups::BlocksIn)),
     ("explicit/touch_end", Device(Groups::Work)),
     ("explicit/g2p", Device(Groups::Work)),
@@ -71,12 +79,14 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// `touches`: whether colliders act on particles; the stages of contact are left out otherwise.
-    pub fn new(tools: Tools, memory: &Memory, touches: bool) -> Self {
+    /// Stages that a scene has no use for are left out: contact at particles without colliders that act there,
+    /// pairs of fields with only one field.
+    pub fn new(tools: Tools, memory: &Memory, setup: &Setup) -> Self {
+        let (touches, parted) = (touch::acts(setup), pair::is_parted(setup));
+        let has_use = |name: &str| (touches || !name.starts_with("explicit/touch")) && (parted || name != PAIRS.0);
         let on = |side, list: &[Stage]| {
-            let list: Vec<Stage> =
-                list.iter().filter(|(name, _)| touches || !name.starts_with("explicit/touch")).copied().collect();
-            Dispatches::new(tools, &list, &Scope::default().and_side(memory, side))
+            let used: Vec<Stage> = list.iter().copied().filter(|(name, _)| has_use(name)).collect();
+            Dispatches::new(tools, &used, &Scope::default().and_side(memory, side))
         };
         Self {
             frame_start: on(1, FRAME_START),

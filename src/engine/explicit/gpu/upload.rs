@@ -1,9 +1,10 @@
 //! Coordinates and particle states as device data.
 
-use super::layout::{self, PAD_BLOCKS, Params, TOUCH_CHANNELS};
+use super::layout::{self, MOST_FIELDS, PAD_BLOCKS, Params, TOUCH_CHANNELS};
 use super::scene::contact_code;
 use crate::contract::EngineError;
 use gridfall_core::maths::linalg::{det, from_row_major};
+use gridfall_core::sim::pair;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::{Axis, Kernel, Material, Setup};
 use gridfall_core::sim::touch::Touch;
@@ -30,6 +31,15 @@ fn fills(setup: &Setup) -> u32 {
     }
 }
 
+/// By field: contact kind, friction, mass of a full node.
+fn contacts(setup: &Setup) -> [[f32; 4]; MOST_FIELDS] {
+    let mut all = [[0.0; 4]; MOST_FIELDS];
+    for ((to, contact), full) in all.iter_mut().zip(pair::contacts(setup)).zip(pair::full_nodes(setup)) {
+        *to = [contact_code(contact) as f32, contact.friction as f32, full as f32, 0.0];
+    }
+    all
+}
+
 /// Everything about the device's coordinates and state layout that does not change during a run.
 pub struct DeviceLayout {
     origin: [f64; 3],
@@ -40,6 +50,10 @@ pub struct DeviceLayout {
     periodic: [bool; 3],
     /// Of the particles that there are.
     pub body_of: Vec<u32>,
+    /// By body: first block of its layer of the table.
+    layer: Vec<usize>,
+    /// Layers of the table.
+    fields: usize,
     /// By body.
     fluid: Vec<bool>,
     /// By body: whether particles have a plastic state.
@@ -66,11 +80,15 @@ impl DeviceLayout {
             setup.bodies.iter().map(|b| property(&setup.materials[b.material])).collect()
         };
         let (fluid, plastic) = (of_bodies(Material::is_fluid), of_bodies(Material::has_plastic_state));
+        let blocks: [usize; 3] = std::array::from_fn(|a| setup.cells[a].div_ceil(4) + 2 * pad[a]);
+        let size: usize = blocks.iter().product();
         Self {
             origin: setup.origin,
             dx: setup.dx,
             shift: shift(setup.kernel),
-            blocks: std::array::from_fn(|a| setup.cells[a].div_ceil(4) + 2 * pad[a]),
+            layer: pair::fields(setup).into_iter().map(|field| field * size).collect(),
+            fields: pair::contacts(setup).len(),
+            blocks,
             pad: pad.map(|p| 4 * p),
             periodic,
             body_of: Vec::new(),
@@ -85,6 +103,11 @@ impl DeviceLayout {
     }
 
     pub fn table_len(&self) -> usize {
+        self.fields * self.layer_len()
+    }
+
+    /// Blocks of one layer of the table.
+    fn layer_len(&self) -> usize {
         self.blocks.iter().product()
     }
 
@@ -99,12 +122,13 @@ impl DeviceLayout {
         let n = self.blocks.map(|b| b as i64);
         for block in occupied {
             let b = block as i64;
-            let at = [b % n[0], (b / n[0]) % n[1], b / (n[0] * n[1])];
+            let at = [b % n[0], (b / n[0]) % n[1], (b / (n[0] * n[1])) % n[2]];
+            let layer = block - block % self.layer_len();
             for k in 0..27 {
                 let c: [i64; 3] = std::array::from_fn(|a| at[a] + [k % 3, (k / 3) % 3, k / 9][a] - 1);
                 let c: [i64; 3] = std::array::from_fn(|a| if self.periodic[a] { c[a].rem_euclid(n[a]) } else { c[a] });
                 if (0..3).all(|a| c[a] >= 0 && c[a] < n[a]) {
-                    seen[((c[2] * n[1] + c[1]) * n[0] + c[0]) as usize] = true;
+                    seen[layer + ((c[2] * n[1] + c[1]) * n[0] + c[0]) as usize] = true;
                 }
             }
         }
@@ -127,11 +151,13 @@ impl DeviceLayout {
             }
         }
         for id in 0..n {
-            state.position.push(self.position(particles.x[id]).ok_or_else(|| EngineError::LeftDomain {
-                step: 0,
-                time_s: 0.0,
-                what: format!("particle {id} starts at {:?}", particles.x[id]),
-            })?);
+            state.position.push(self.position(particles.x[id], self.layer[particles.body[id] as usize]).ok_or_else(
+                || EngineError::LeftDomain {
+                    step: 0,
+                    time_s: 0.0,
+                    what: format!("particle {id} starts at {:?}", particles.x[id]),
+                },
+            )?);
             for k in 0..3 {
                 state.velocity[k * n + id] = particles.v[id][k] as f32;
                 for column in 0..3 {
@@ -154,7 +180,7 @@ impl DeviceLayout {
         Ok(state)
     }
 
-    fn position(&self, x: [f64; 3]) -> Option<[u32; 4]> {
+    fn position(&self, x: [f64; 3], layer: usize) -> Option<[u32; 4]> {
         let mut offset = [0.0f32; 3];
         let mut block = [0usize; 3];
         for a in 0..3 {
@@ -173,7 +199,7 @@ impl DeviceLayout {
             // f32 rounding may reach the next block's edge.
             offset[a] = ((y - 4.0 * block[a] as f64) as f32).min(4.0f32.next_down());
         }
-        let index = (block[2] * self.blocks[1] + block[1]) * self.blocks[0] + block[0];
+        let index = layer + (block[2] * self.blocks[1] + block[1]) * self.blocks[0] + block[0];
         Some([offset[0].to_bits(), offset[1].to_bits(), offset[2].to_bits(), index as u32])
     }
 
@@ -199,7 +225,7 @@ impl DeviceLayout {
             let at = [
                 block % self.blocks[0],
                 (block / self.blocks[0]) % self.blocks[1],
-                block / (self.blocks[0] * self.blocks[1]),
+                (block / (self.blocks[0] * self.blocks[1])) % self.blocks[2],
             ];
             out.x.push(std::array::from_fn(|a| {
                 let mut cells = 4.0 * at[a] as f64 + f64::from(f32::from_bits(p[a])) + self.shift - self.pad[a] as f64;
@@ -235,6 +261,8 @@ impl DeviceLayout {
             periodic: self.periodic.map(u32::from),
             colliders: setup.colliders.len() as u32,
             fills: fills(setup),
+            fields: self.fields as u32,
+            contacts: contacts(setup),
             walls: std::array::from_fn(|w| match setup.axes[w / 2] {
                 Axis::Periodic => [0.0; 4],
                 Axis::Walls(walls) => [contact_code(walls[w % 2]) as f32, walls[w % 2].friction as f32, 0.0, 0.0],
