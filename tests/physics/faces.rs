@@ -115,7 +115,8 @@ fn a_face_between_nodes_bears_the_weight() {
     for (kernel, material) in KERNELS.iter().flat_map(|k| materials.iter().map(move |m| (k, m))) {
         let problem = problem(&format!(
             r#"{{ "gridfall": 1, "name": "weight", "dimension": 2,
-            "domain": {{ "min": [0, 0], "max": [0.4, 0.8], "dx": 0.05, "boundary": {{ "x": {{ "contact": "slip" }} }} }},
+            "domain": {{ "min": [0, 0], "max": [0.4, 0.8], "dx": 0.05,
+                "boundary": {{ "x": {{ "contact": "slip" }} }} }},
             "gravity": [0, -9.81], "materials": {{ "m": {material} }},
             "bodies": [ {{ "name": "b", "material": "m",
                 "shape": {{ "box": {{ "min": [0, 0.18], "max": [0.4, 0.48] }} }} }} ],

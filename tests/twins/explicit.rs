@@ -51,7 +51,7 @@ pub const METALS: [&str; 3] = [
     r#"{ "model": "stvk-hencky", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3 }"#,
 ];
 
-/// All wall kinds and contacts; a turned, moving, composite collider; a periodic axis.
+/// All wall kinds and contacts, at nodes; a turned, moving, composite collider; a periodic axis.
 pub fn scene(kernel: &str, transfer: &str, [jelly, gum, water]: [&str; 3]) -> Problem {
     common::problem(&format!(
         r#"{{ "gridfall": 1, "name": "twins",
@@ -85,7 +85,7 @@ pub fn scene(kernel: &str, transfer: &str, [jelly, gum, water]: [&str; 3]) -> Pr
             {{ "name": "gone", "contact": "sticky", "until": 0.004,
                 "shape": {{ "box": {{ "min": [0.51, 0.31, 0.15], "max": [0.69, 1.08, 0.31] }} }} }} ],
         "time": {{ "end": 0.1, "frame_rate": 50 }},
-        "solver": {{ "kernel": "{kernel}", "transfer": "{transfer}" }} }}"#
+        "solver": {{ "kernel": "{kernel}", "transfer": "{transfer}", "contact": "nodes" }} }}"#
     ))
 }
 

@@ -67,6 +67,7 @@ fn problem(shape: &Value) -> Problem {
                 "poissons_ratio": 0.3 } },
             "bodies": [ { "name": "b", "material": "m", "sampling": "jittered",
                           "shape": { "box": { "min": [-0.4, 0.2, 0], "max": [0.6, 1.2, 1] } } } ],
+            "solver": { "contact": "nodes" },
             "colliders": [ { "name": "c", "contact": "slip", "shape": turned,
                              "motion": { "center": [0.1, 0.7, 0.5], "linear_velocity": [0.1, 0.2, -0.3],
                                  "angular_velocity": [1, -1, 2] } } ],

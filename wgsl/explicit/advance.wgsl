@@ -12,8 +12,8 @@ struct Advanced {
 }
 
 /// `to`: where it goes, as an offset in the old block.
-fn advance(corner: vec3<f32>, y: vec3<f32>, to: vec3<f32>, g: Gathered, before: Deformation, body: Body, id: u32, dt: f32,
-    principal: ptr<function, Principal>) -> Advanced {
+fn advance(corner: vec3<f32>, y: vec3<f32>, to: vec3<f32>, g: Gathered, before: Deformation, body: Body, id: u32,
+    dt: f32, principal: ptr<function, Principal>) -> Advanced {
     var out: Advanced;
     let material = materials[body.material];
     let growth = g.gradient * (dt / params.dx);

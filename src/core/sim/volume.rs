@@ -14,9 +14,9 @@
 //! with ‖∇v‖ that of the particle (Frobenius) and c² = (λ + 2μ)/ρ0 at rest. The fill is noisy, J is
 //! smooth: r is slow, so that waves keep the J of ∇·v, and the two agree in the mean. It is as fast
 //! as particles are stirred, since that is what makes them gather, and not as fast as sound: in stiff
-//! water at rest the noise would make pressure, and pressure work. Crowds, which are more than noise, dissolve faster. The
-//! goal is never above 1: at a free surface the fill is below 1, and nothing is pushed or pulled
-//! there.
+//! water at rest the noise would make pressure, and pressure work. Crowds, which are more than noise,
+//! dissolve faster. The goal is never above 1: at a free surface the fill is below 1, and nothing is
+//! pushed or pulled there.
 //!
 //! In loose grains the volumetric strain takes the place of J, plastic volume included, and only
 //! what is too full is corrected.

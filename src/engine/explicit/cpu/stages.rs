@@ -42,8 +42,8 @@ pub trait Stages: Send {
     /// Mass, momentum and the impulse of a step's forces to the grid.
     fn p2g(&mut self, dt_s: f64);
     /// Node velocities after forces of `dt_s`, for a motion of `move_s` (s) from `time_s`, or for none;
-    /// surfaces stand where they are at its start, and move by their secants. Returns the impulses that they take, in the order of
-    /// [`gridfall_core::sim::reaction`].
+    /// surfaces stand where they are at its start, and move by their secants. Returns the impulses that they take,
+    /// in the order of [`gridfall_core::sim::reaction`].
     fn grid_update(&mut self, dt_s: f64, time_s: f64, move_s: f64) -> Vec<Reaction>;
     /// Moves particles; as the last step of a frame, resets those that are alone on their nodes.
     fn g2p(&mut self, dt_s: f64) -> Moved;
