@@ -7,6 +7,7 @@
 mod boundaries;
 mod damped_bar;
 mod earth_pressure;
+mod faces;
 mod forced;
 mod granular;
 mod implicit;
@@ -56,6 +57,7 @@ pub const CASES: &[Case] = &[
     still_water::STILL_WATER,
     sticky_walls::POISEUILLE,
     sticky_walls::SHEARED_LAYER,
+    faces::SHEARED_BLOCK,
     earth_pressure::EARTH_PRESSURE,
     granular::ANGLE_OF_REPOSE,
     water_level::WATER_LEVEL,

@@ -10,42 +10,31 @@
 const FULL = 0.9;
 const EDGE = 1e-4;
 const LEAST_ROOM = 0.25;
-const REACH = 2;
-const WINDOW = 5u;
 
 /// What the masses of a field say of its surface at a node: ∇ ln s (1/cell), how flat it is, and the node's
 /// mass over the most along each axis.
 struct Face { slope: vec3<f32>, flatness: f32, filled: vec3<f32> }
 
-/// By offset, which node of a window stands for those that a wall cuts, by axis, and what its mass counts for.
-struct StandIns { step: array<vec3<i32>, WINDOW>, scale: array<vec3<f32>, WINDOW> }
-
-fn stand_ins(n: vec3<i32>, grid: u32) -> StandIns {
-    var out: StandIns;
+/// The mass of a field's node at an offset from `n`, as a share of the full node. For a node that a wall cuts off, the
+/// next one towards `n` stands, with what of it is inside. `own`: shares of the room of `n` inside walls.
+fn share_at(field: u32, n: vec3<i32>, grid: u32, offset: vec3<i32>, own: vec3<f32>) -> f32 {
     let x = vec3<f32>(n) + vec3<f32>(node_offset(grid));
-    let own = inside_walls(x);
-    for (var k = 0u; k < WINDOW; k++) {
-        for (var a = 0u; a < 3u; a++) {
-            var step = i32(k) - REACH;
-            var scale = 1.0;
-            for (; step != 0; step -= sign(step)) {
-                let share = inside_walls(x + f32(step))[a];
-                if (share >= LEAST_ROOM) {
-                    scale = own[a] / share;
-                    break;
-                }
+    var step = offset;
+    var scale = 1.0;
+    for (var a = 0u; a < 3u; a++) {
+        let along = unit(a);
+        for (var tries = 0u; tries < 2u; tries++) {
+            let s = dot(step, along);
+            let share = dot(inside_walls(x + f32(s)), vec3<f32>(along));
+            if (s != 0 && share < LEAST_ROOM) {
+                step -= select(1, -1, s < 0) * along;
             }
-            out.step[k][a] = step;
-            out.scale[k][a] = scale;
+        }
+        let s = dot(step, along);
+        if (s != 0) {
+            scale *= dot(own, vec3<f32>(along)) / dot(inside_walls(x + f32(s)), vec3<f32>(along));
         }
     }
-    return out;
-}
-
-fn share_at(field: u32, n: vec3<i32>, grid: u32, offset: vec3<i32>, cut: ptr<function, StandIns>) -> f32 {
-    let k = offset + vec3<i32>(REACH);
-    let step = vec3<i32>((*cut).step[k.x].x, (*cut).step[k.y].y, (*cut).step[k.z].z);
-    let scale = (*cut).scale[k.x].x * (*cut).scale[k.y].y * (*cut).scale[k.z].z;
     let at = place_of(field * layer_size(), n + step, grid);
     if (at == NOWHERE) {
         return 0.0;
@@ -57,20 +46,22 @@ fn unit(a: u32) -> vec3<i32> {
     return vec3<i32>(vec3<u32>(0u, 1u, 2u) == vec3<u32>(a));
 }
 
-fn face(field: u32, n: vec3<i32>, grid: u32, cut: ptr<function, StandIns>) -> Face {
+fn face(field: u32, n: vec3<i32>, grid: u32) -> Face {
     var out: Face;
-    let here = share_at(field, n, grid, vec3<i32>(0), cut);
+    let own = inside_walls(vec3<f32>(n) + vec3<f32>(node_offset(grid)));
+    let here = share_at(field, n, grid, vec3<i32>(0), own);
     var sum = vec3<f32>(0.0);
     var total = 0.0;
     for (var k = 0u; k < 27u; k++) {
         let o = neighbour(k);
-        var g: vec3<f32>;
+        var g = vec3<f32>(0.0);
         for (var a = 0u; a < 3u; a++) {
-            let low = share_at(field, n, grid, o - unit(a), cut);
-            let high = share_at(field, n, grid, o + unit(a), cut);
-            g[a] = 0.5 * (high - low);
+            let along = unit(a);
+            let low = share_at(field, n, grid, o - along, own);
+            let high = share_at(field, n, grid, o + along, own);
+            g += 0.5 * (high - low) * vec3<f32>(along);
             if (k == 13u) {
-                out.filled[a] = here / max(here, max(low, high));
+                out.filled += here / max(here, max(low, high)) * vec3<f32>(along);
             }
         }
         sum += g;
@@ -97,10 +88,10 @@ fn weight(face: Face) -> f32 {
 fn pair_normal(a: Face, b: Face) -> vec3<f32> {
     let n = weight(a) * a.slope - weight(b) * b.slope;
     let s = abs(n);
-    var along = select(0u, 1u, s.y > s.x);
-    along = select(along, 2u, s.z > s[along]);
+    let filled = a.filled + b.filled;
+    let across = select(filled.x, filled.y, s.y > s.x);
     let size = length(n);
-    if (a.filled[along] + b.filled[along] < FULL || size == 0.0) {
+    if (select(across, filled.z, s.z > max(s.x, s.y)) < FULL || size == 0.0) {
         return vec3<f32>(0.0);
     }
     return n / size;
@@ -137,50 +128,47 @@ fn exchange(a: u32, b: u32, how: vec2<f32>, n: vec3<f32>) {
     put_momentum(b, momentum(b) - impulse);
 }
 
+/// Where a field's node is, if it has mass, or NOWHERE.
+fn held_at(field: u32, n: vec3<i32>, grid: u32) -> u32 {
+    let at = place_of(field * layer_size(), n, grid);
+    return select(NOWHERE, at, at != NOWHERE && grid_in[min(at, arrayLength(&grid_in) - 1u)] > 0);
+}
+
 fn meet(n: vec3<i32>, grid: u32) {
-    var places: array<u32, MOST_FIELDS>;
-    var faces: array<Face, MOST_FIELDS>;
-    var held = 0u;
-    var volume = 0;
-    for (var f = 0u; f < params.fields; f++) {
-        places[f] = place_of(f * layer_size(), n, grid);
-        if (places[f] == NOWHERE) {
-            continue;
-        }
-        if (params.fills == FILLS_VOLUME) {
-            volume += grid_in[places[f] + FILLED];
-        }
-        if (grid_in[places[f]] > 0) {
-            held += 1u;
-        }
-    }
     if (params.fills == FILLS_VOLUME) {
+        var volume = 0;
         for (var f = 0u; f < params.fields; f++) {
-            if (places[f] != NOWHERE) {
-                grid_in[places[f] + FILLED] = volume;
+            let at = place_of(f * layer_size(), n, grid);
+            if (at != NOWHERE) {
+                volume += grid_in[at + FILLED];
             }
         }
-    }
-    if (held < 2u) {
-        return;
-    }
-    var cut = stand_ins(n, grid);
-    for (var f = 0u; f < params.fields; f++) {
-        if (places[f] != NOWHERE && grid_in[places[f]] <= 0) {
-            places[f] = NOWHERE;
-        }
-        if (places[f] != NOWHERE) {
-            faces[f] = face(f, n, grid, &cut);
+        for (var f = 0u; f < params.fields; f++) {
+            let at = place_of(f * layer_size(), n, grid);
+            if (at != NOWHERE) {
+                grid_in[at + FILLED] = volume;
+            }
         }
     }
     for (var a = 0u; a < params.fields; a++) {
+        let here = held_at(a, n, grid);
+        if (here == NOWHERE) {
+            continue;
+        }
+        var mine: Face;
+        var known = false;
         for (var b = a + 1u; b < params.fields; b++) {
-            if (places[a] == NOWHERE || places[b] == NOWHERE) {
+            let there = held_at(b, n, grid);
+            if (there == NOWHERE) {
                 continue;
             }
-            let normal = pair_normal(faces[a], faces[b]);
+            if (!known) {
+                mine = face(a, n, grid);
+                known = true;
+            }
+            let normal = pair_normal(mine, face(b, n, grid));
             if (any(normal != vec3<f32>(0.0))) {
-                exchange(places[a], places[b], between(a, b), normal);
+                exchange(here, there, between(a, b), normal);
             }
         }
     }
