@@ -1,6 +1,8 @@
 //! What a run will cost: particles, active blocks, memory, time step and number of steps.
 
 use gridfall_core::sim::cost::{self, Prediction};
+use gridfall_core::sim::pair;
+use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::{Axis, Integrator, Kernel, Material, Precision, Problem, Setup};
 use gridfall_core::sim::source::Source;
 use gridfall_core::sim::timestep::Bound;
@@ -26,7 +28,8 @@ pub struct Estimate {
     pub particles: u64,
     /// Cells of the domain on each axis.
     pub cells: [usize; 3],
-    /// Active blocks of 4³ cells (2D: 4²): those with particles and their neighbours.
+    /// Active blocks of 4³ cells (2D: 4²): those with particles and their neighbours; of each body with contact
+    /// of its own apart.
     pub blocks: u64,
     /// Host memory of a run on the CPU (bytes).
     pub host_memory_bytes: u64,
@@ -108,12 +111,14 @@ pub fn estimate(problem: &Problem) -> Estimate {
     let too_fast = cost::too_fast_for_implicit(setup, particles);
     let possible = cost::implicit_fault(setup).or(too_fast).is_none();
     let total = setup.total_particles() as u64;
-    let blocks = active_blocks(setup, &particles.x) + emitted_blocks(setup);
+    let blocks = active_blocks(setup, particles) + emitted_blocks(setup);
+    let fields = pair::contacts(setup).len() as u64;
     Estimate {
         particles: total,
         cells: setup.cells,
         blocks,
-        host_memory_bytes: memory_bytes(total, setup.cells.map(|n| n as u64), setup.integrator) + field_bytes(setup),
+        host_memory_bytes: memory_bytes(total, setup.cells.map(|n| n as u64), fields, setup.integrator)
+            + field_bytes(setup),
         device_memory_bytes: device_memory_bytes(setup, blocks),
         integrator: setup.integrator,
         integrator_reason: setup.integrator_reason.clone(),
@@ -139,7 +144,8 @@ fn device_memory_bytes(setup: &Setup, blocks: u64) -> Option<u64> {
     };
     let channels = |m: &Material| (if m.is_fluid() { 1 } else { 9 }) + u64::from(m.has_plastic_state());
     let channels = setup.bodies.iter().map(|b| channels(&setup.materials[b.material])).max().unwrap_or(1);
-    let table: u64 = setup.cells.iter().map(|&n| n.div_ceil(4) as u64).product();
+    let layer: u64 = setup.cells.iter().map(|&n| n.div_ceil(4) as u64).product();
+    let table = layer * pair::contacts(setup).len() as u64;
     let particle = DEVICE_BYTES_PER_PARTICLE + 4 * channels * DEFORMATION_COPIES;
     let nodes = blocks * BLOCK_CELLS * grids;
     let on_device = setup.dimension == 3 && setup.precision == Precision::F32;
@@ -165,8 +171,21 @@ fn field_bytes(setup: &Setup) -> u64 {
     setup.colliders.iter().flat_map(|collider| collider.sdf.fields()).map(|(field, _)| field.bytes()).sum()
 }
 
-/// The number of blocks with particles and all their neighbours.
-fn active_blocks(setup: &Setup, positions: &[[f64; 3]]) -> u64 {
+/// The number of blocks with particles and all their neighbours, in all fields.
+fn active_blocks(setup: &Setup, particles: &Particles) -> u64 {
+    let fields = pair::fields(setup);
+    let bodies = || setup.bodies.iter().zip(&fields);
+    let shared = |field: usize| -> Vec<[f64; 3]> {
+        let of = bodies().filter(|(_, f)| **f == field);
+        of.flat_map(|(body, _)| particles.x[body.particles.clone()].iter().copied()).collect()
+    };
+    match pair::is_parted(setup) {
+        false => blocks_around(setup, &particles.x),
+        true => (0..pair::contacts(setup).len()).map(|field| blocks_around(setup, &shared(field))).sum(),
+    }
+}
+
+fn blocks_around(setup: &Setup, positions: &[[f64; 3]]) -> u64 {
     let key = |b: [i64; 3]| b.iter().fold(0u64, |key, b| key << 21 | (b + 1) as u64);
     let block = |x: &[f64; 3]| -> [i64; 3] {
         std::array::from_fn(|a| ((x[a] - setup.origin[a]) / (4.0 * setup.dx)).floor() as i64)

@@ -12,9 +12,9 @@ pub(crate) const MATRIX_BYTES_PER_PARTICLE: u64 = 3072;
 /// Both sides of the dense block table on the device (bytes per block).
 pub(crate) const TABLE_BYTES_PER_BLOCK: u64 = 8;
 
-/// Host memory (bytes) of a run with so many particles on so large a grid.
-pub(crate) fn memory_bytes(particles: u64, cells: [u64; 3], integrator: Integrator) -> u64 {
-    let blocks = cells.iter().fold(1u64, |n, cells| n.saturating_mul(cells.div_ceil(4)));
+/// Host memory (bytes) of a run with so many particles on so large a grid of so many fields of nodes.
+pub(crate) fn memory_bytes(particles: u64, cells: [u64; 3], fields: u64, integrator: Integrator) -> u64 {
+    let blocks = cells.iter().fold(fields, |n, cells| n.saturating_mul(cells.div_ceil(4)));
     let matrices = if integrator == Integrator::Implicit { MATRIX_BYTES_PER_PARTICLE } else { 0 };
     particles
         .saturating_mul(HOST_BYTES_PER_PARTICLE + matrices)

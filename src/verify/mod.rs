@@ -10,6 +10,7 @@ mod forced;
 mod granular;
 mod implicit;
 mod kernels;
+mod meeting;
 mod moduli;
 mod motion;
 mod report;
@@ -48,6 +49,7 @@ pub const CASES: &[Case] = &[
     motion::COLLIDING_SPHERES,
     motion::ROTATING_ROD,
     sliding_block::SLIDING_BLOCK,
+    meeting::MEETING_BODIES,
     moduli::ELASTIC_WAVES,
     moduli::FREE_BAR,
     moduli::CANTILEVER,

@@ -6,6 +6,7 @@
 //! allows (Wang et al. 2020, HOT, §6: CFL-rate stepping). The ratio of the two speeds decides. It
 //! is about the same on CPUs and GPUs, so the choice does not depend on the device.
 
+use super::pair;
 use super::particles::Particles;
 use super::setup::{Integrator, Method, Setup};
 use super::source::Source;
@@ -77,13 +78,14 @@ pub fn chosen(setup: &Setup, particles: &Particles) -> Prediction {
 pub fn implicit_fault(setup: &Setup) -> Option<String> {
     let of = |body: &super::setup::Body| &setup.materials[body.material];
     let fluid = setup.bodies.iter().find(|body| of(body).is_fluid());
+    let parted = setup.bodies.iter().find(|body| pair::own(body).is_some());
     let plastic = setup.bodies.iter().find(|body| !of(body).is_elastic());
     match (fluid, plastic) {
         (Some(body), _) => Some(format!("the fluid '{}' can run explicitly only", body.name)),
         (_, Some(body)) if setup.implicit.method == Method::Admm => {
             Some(format!("the method `admm` is for elastic materials, and that of '{}' is plastic", body.name))
         }
-        _ => None,
+        _ => parted.map(|body| format!("'{}' has contact with other bodies, which explicit runs have only", body.name)),
     }
 }
 
@@ -132,7 +134,7 @@ mod tests {
     use super::*;
     use crate::material::parameters::{Elastic, Elasticity, Material, VonMises};
     use crate::sim::fixture;
-    use crate::sim::setup::Problem;
+    use crate::sim::setup::{Contact, ContactKind, Problem};
 
     /// A steel beam of the given modulus under gravity, at rest; the second material is a fluid.
     fn beam(youngs_modulus: f64) -> Problem {
@@ -174,6 +176,17 @@ mod tests {
         let (integrator, reason) = chosen(&problem, Integrator::Auto);
         assert_eq!(integrator, Integrator::Explicit);
         assert!(reason.contains("fluid 'body 0'"), "{reason}");
+    }
+
+    #[test]
+    fn auto_is_explicit_where_bodies_have_contact() {
+        let mut problem = beam(1e11);
+        problem.setup.bodies[0].contact = Some(Contact { kind: ContactKind::Sticky, friction: 0.0 });
+        assert_eq!(chosen(&problem, Integrator::Auto).0, Integrator::Implicit);
+        problem.setup.bodies[0].contact = Some(Contact { kind: ContactKind::Separate, friction: 0.1 });
+        let (integrator, reason) = chosen(&problem, Integrator::Auto);
+        assert_eq!(integrator, Integrator::Explicit);
+        assert!(reason.contains("'body 0' has contact with other bodies"), "{reason}");
     }
 
     #[test]

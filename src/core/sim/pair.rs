@@ -24,7 +24,7 @@ pub const EDGE: f64 = 1e-4;
 pub const LEAST_ROOM: f64 = 0.25;
 
 /// The contact of a body that has one. Sticky contact is what bodies have that have none.
-fn own(body: &Body) -> Option<Contact> {
+pub fn own(body: &Body) -> Option<Contact> {
     body.contact.filter(|contact| contact.kind != ContactKind::Sticky)
 }
 

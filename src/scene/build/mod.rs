@@ -2,6 +2,7 @@
 
 mod bodies;
 mod motion;
+mod neighbours;
 
 use gridfall_core::sim::cost;
 use gridfall_core::sim::particles::Particles;
@@ -70,6 +71,8 @@ pub(crate) fn build(scene: &Scene, resolved: &Resolved) -> Problem {
         });
         problem.setup.sources.push(built);
     }
+    let sticking = neighbours::sticking(&problem);
+    problem.setup.notices.extend(sticking);
     (problem.setup.integrator, problem.setup.integrator_reason) =
         cost::choose(&problem.setup, &problem.particles, scene.solver.integrator);
     if problem.setup.integrator == Integrator::Implicit {

@@ -40,8 +40,8 @@ pub struct Body {
     /// Initial volume ratio.
     #[serde(rename = "J", default, skip_serializing_if = "Option::is_none")]
     pub j: Option<f64>,
-    #[doc = "What other bodies meet at this one, in explicit runs: `separate` and `slip` bodies move apart from all \
-             others. It sticks by default to bodies that stick, with which it shares the nodes of the grid."]
+    #[doc = "Contact with other bodies, in explicit runs: `separate` slides on all others and parts from them, `slip` \
+             slides only. By default it sticks to those that stick, with which it shares the nodes of the grid."]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact: Option<ContactKind>,
     /// Coulomb friction coefficient; for `separate` only. Of two bodies' the smaller counts.

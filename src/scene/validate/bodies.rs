@@ -1,10 +1,12 @@
 //! Meaning of bodies: materials, initial states, and how many particles they and the sources have.
 
+use gridfall_core::sim::pair;
+
 use crate::fault::join;
 use crate::grid::{cells, lattice, particles_per_axis, particles_per_cell, periodic};
 use crate::memory::{HOST_BYTES_PER_PARTICLE, memory_bytes};
 use crate::sampling::{Lattice, poisson};
-use crate::schema::{Body, Sampling, Shape};
+use crate::schema::{Body, ContactKind, Sampling, Shape};
 use crate::validate::check::Check;
 use crate::validate::plausible::{SPEED, VOLUME_RATIO};
 use crate::validate::points::check_points;
@@ -24,6 +26,18 @@ pub fn check_bodies(check: &mut Check) {
     let bodies = scene.bodies.iter().enumerate().map(|(n, body)| (format!("/bodies/{n}/name"), body.name.clone()));
     let sources = scene.sources.iter().enumerate().map(|(n, s)| (format!("/sources/{n}/name"), s.name.clone()));
     check.unique(bodies.chain(sources));
+    let mut fields = 1;
+    for (n, body) in scene.bodies.iter().enumerate() {
+        let at = format!("/bodies/{n}");
+        let kind = body.contact.unwrap_or(ContactKind::Sticky);
+        check.contact(&at, kind, body.friction);
+        fields += u64::from(kind != ContactKind::Sticky);
+        if kind != ContactKind::Sticky && fields > 1 + pair::MOST as u64 {
+            let reason = format!("more than {} bodies have contact of their own", pair::MOST);
+            let remedy = "take it out of some: bodies without contact stick to each other only";
+            check.fault(&join(&at, "contact"), "too_many_contacts", reason, remedy);
+        }
+    }
     let (mut total, mut counted) = (0, true);
     for (n, body) in scene.bodies.iter().enumerate() {
         match check_body(check, &format!("/bodies/{n}"), body) {
@@ -45,7 +59,7 @@ pub fn check_bodies(check: &mut Check) {
         check.fault("/bodies", "too_many_particles", reason, remedy);
     } else if counted && check.has_grid() {
         let cells = cells(&scene.domain, check.dimension).map(|n| n.round() as u64);
-        let bytes = memory_bytes(total, cells, scene.solver.integrator);
+        let bytes = memory_bytes(total, cells, fields, scene.solver.integrator);
         let limit = check.limits.max_memory_bytes;
         if bytes > limit {
             let reason =

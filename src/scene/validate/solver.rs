@@ -3,7 +3,7 @@
 use gridfall_core::sim::settings::Method;
 
 use crate::fault::join;
-use crate::schema::{Implicit, Integrator, Material, Scene, Solver};
+use crate::schema::{Body, ContactKind, Implicit, Integrator, Material, Scene, Solver};
 use crate::validate::check::Check;
 
 /// Largest tolerance. Beyond it, the error of a step's velocities is as large as their change.
@@ -23,6 +23,7 @@ pub fn check_solver(check: &mut Check, solver: &Solver) {
     check_implicit(check, &solver.implicit);
     if solver.integrator == Integrator::Implicit {
         check_materials(check, solver.implicit.method);
+        check_contact(check);
     }
 }
 
@@ -40,6 +41,16 @@ fn check_implicit(check: &mut Check, implicit: &Implicit) {
     if implicit.max_iterations == 0 {
         let remedy = "write a number above 0; 1000 is usual";
         check.fault(&at("max_iterations"), "out_of_range", "no iteration is allowed", remedy);
+    }
+}
+
+/// Contact between bodies is explicit.
+fn check_contact(check: &mut Check) {
+    let own = |body: &&Body| body.contact.is_some_and(|kind| kind != ContactKind::Sticky);
+    if let Some(body) = check.scene.bodies.iter().find(own) {
+        let reason = format!("the body '{}' has contact with other bodies, which explicit runs have only", body.name);
+        let remedy = "write `explicit` or `auto`, or take the body's `contact` out";
+        check.fault("/solver/integrator", "unsupported", reason, remedy);
     }
 }
 
