@@ -81,7 +81,7 @@ fn planted_errors_of_pairs_are_caught() {
     }
 }
 
-/// Frames of 40 steps follow the CPU, keep momentum between bodies, and repeat to the bit.
+/// Frames of 40 steps follow the CPU and repeat to the bit.
 #[test]
 fn frames_of_bodies_that_meet_follow_the_reference() {
     for (kernel, transfer) in [("compact", "mls"), ("quadratic", "apic")] {
