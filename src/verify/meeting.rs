@@ -77,7 +77,8 @@ fn pull(session: &mut Session, scheme: Scheme) -> Result<(), EngineError> {
     let body = |name: &str, low: f64, speed: f64| {
         let mut velocity = [0.0; 3];
         velocity[d - 1] = speed;
-        json!({ "name": name, "material": "block", "contact": "separate", "friction": 0.4, "velocity": vector(d, velocity),
+        json!({ "name": name, "material": "block", "contact": "separate", "friction": 0.4,
+                "velocity": vector(d, velocity),
                 "shape": { "box": { "min": place(d, [5.0, low, 0.0]), "max": place(d, [11.0, low + 4.0, 4.0]) } } })
     };
     let problem = problem(
