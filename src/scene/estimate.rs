@@ -6,6 +6,7 @@ use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::{Axis, Integrator, Kernel, Material, Precision, Problem, Setup};
 use gridfall_core::sim::source::Source;
 use gridfall_core::sim::timestep::Bound;
+use gridfall_core::sim::touch;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -14,6 +15,8 @@ use crate::memory::{MATRIX_BYTES_PER_PARTICLE, TABLE_BYTES_PER_BLOCK, memory_byt
 /// Device memory per particle (bytes) without its deformation: two positions, binning, and the
 /// positions and velocities of a frame.
 const DEVICE_BYTES_PER_PARTICLE: u64 = 112;
+/// What a particle remembers of contact, where colliders act on particles (bytes).
+const TOUCH_BYTES_PER_PARTICLE: u64 = 20;
 /// Copies of the deformation on the device.
 const DEFORMATION_COPIES: u64 = 3;
 /// Cells of a block of the sparse grid.
@@ -146,7 +149,8 @@ fn device_memory_bytes(setup: &Setup, blocks: u64) -> Option<u64> {
     let channels = setup.bodies.iter().map(|b| channels(&setup.materials[b.material])).max().unwrap_or(1);
     let layer: u64 = setup.cells.iter().map(|&n| n.div_ceil(4) as u64).product();
     let table = layer * pair::contacts(setup).len() as u64;
-    let particle = DEVICE_BYTES_PER_PARTICLE + 4 * channels * DEFORMATION_COPIES;
+    let touch = if touch::acts(setup) { TOUCH_BYTES_PER_PARTICLE } else { 0 };
+    let particle = DEVICE_BYTES_PER_PARTICLE + touch + 4 * channels * DEFORMATION_COPIES;
     let nodes = blocks * BLOCK_CELLS * grids;
     let on_device = setup.dimension == 3 && setup.precision == Precision::F32;
     let particles = setup.total_particles() as u64 * particle;
