@@ -17,6 +17,7 @@ pub mod particles;
 pub mod reaction;
 pub mod settings;
 pub mod setup;
+pub mod side;
 pub mod source;
 pub mod stats;
 pub mod timestep;

@@ -23,6 +23,7 @@
 
 use super::pair::is_parted;
 use super::setup::{Body, Setup};
+use super::side;
 use crate::material::Law;
 
 /// Rate at which the difference vanishes at rest, as a share of that at which gravity crosses a cell. Half of it lets
@@ -69,6 +70,6 @@ pub fn relaxation(setup: &Setup, body: &Body) -> Option<Relaxation> {
 /// Whether bodies of different materials may share nodes, so that mass does not tell volume.
 pub fn is_mixed(setup: &Setup) -> bool {
     let Some(first) = setup.bodies.first() else { return false };
-    // Bodies with contact of their own ask for volumes, too (`pair`).
-    is_parted(setup) || setup.bodies.iter().any(|body| body.material != first.material)
+    // Layers of nodes ask for volumes, too (`pair`, `side`).
+    is_parted(setup) || side::acts(setup) || setup.bodies.iter().any(|body| body.material != first.material)
 }

@@ -58,6 +58,20 @@ impl DistanceField {
         3f64.sqrt() * self.spacing
     }
 
+    /// Half of the solid's least thickness along an axis (m), as far as samples tell: from ridges of the distance,
+    /// where it grows to both sides.
+    pub fn half_thickness(&self) -> f64 {
+        let strides = [1, self.size[0], self.size[0] * self.size[1]];
+        let depth = |k: usize| f64::from(self.samples[k]);
+        let is_ridge = |k: usize, a: usize| {
+            let i = k / strides[a] % self.size[a];
+            let grows = |there: usize| depth(there) > depth(k) + 0.5 * self.spacing;
+            i >= 2 && i + 2 < self.size[a] && grows(k - 2 * strides[a]) && grows(k + 2 * strides[a])
+        };
+        let inside = (0..self.samples.len()).filter(|&k| depth(k) < 0.5 * self.spacing);
+        inside.filter(|&k| (0..3).any(|a| is_ridge(k, a))).map(|k| (-depth(k)).max(0.0)).fold(f64::INFINITY, f64::min)
+    }
+
     /// Memory taken by the samples (bytes).
     pub fn bytes(&self) -> u64 {
         size_of_val(self.samples.as_slice()) as u64

@@ -37,6 +37,8 @@ pub struct Extremes {
     pub speed_m_s: f64,
     /// Largest ‖C_p‖ (Frobenius, 1/s).
     pub affine_rate_1_s: f64,
+    /// Largest |v_p| + √d dx ‖C_p‖, which nodes around a particle do not exceed (m/s).
+    pub node_speed_m_s: f64,
     /// Largest demand of the materials, 1/dt² at their present deformation, including the safety
     /// factor (1/s²).
     pub demand_1_s2: f64,
@@ -119,9 +121,12 @@ pub(super) fn positive_root(a: f64, b: f64, c: f64) -> f64 {
 
 /// The extremes of the particles at time 0.
 pub fn initial_extremes(setup: &Setup, particles: &Particles) -> Extremes {
+    let (speed_m_s, affine_rate_1_s) =
+        (initial_speed_m_s(setup, particles), initial_affine_rate_1_s(setup, particles));
     Extremes {
-        speed_m_s: initial_speed_m_s(setup, particles),
-        affine_rate_1_s: initial_affine_rate_1_s(setup, particles),
+        speed_m_s,
+        affine_rate_1_s,
+        node_speed_m_s: speed_m_s + (setup.dimension as f64).sqrt() * setup.dx * affine_rate_1_s,
         demand_1_s2: initial_demand_1_s2(setup, particles),
     }
 }

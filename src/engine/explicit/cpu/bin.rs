@@ -10,6 +10,7 @@ use super::tile::BLOCK;
 use crate::keys;
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::setup::{Axis, ContactKind};
+use gridfall_core::sim::side::Plates;
 use gridfall_core::sim::touch::Touch;
 
 /// Where a particle goes, and where it is.
@@ -101,8 +102,40 @@ impl<T: Real, const D: usize> Old<T, D> {
 impl<T: Real, const D: usize> Simulation<T, D> {
     /// Sorts particles into blocks by their positions and prepares the nodes of these blocks.
     pub fn bin(&mut self) {
-        let (cell, period) = (self.constants.layout.cell, self.constants.period);
         let old = Old::new(self.clear());
+        self.rebin(old, |old, at| old.at(at).0.field);
+    }
+
+    /// [`Self::bin`], after particles have been asked which side of plates they are on.
+    pub fn sort(&mut self) {
+        if !self.constants.sided {
+            return self.bin();
+        }
+        let setup = self.setup.clone();
+        let plates = Plates::new(&setup, self.time_s);
+        let old = Old::new(self.clear());
+        let place = |coordinates: &[i32; D], x: [f64; D]| {
+            let mut place = [0.0; 3];
+            for a in 0..D {
+                place[a] = setup.origin[a] + (f64::from(BLOCK * coordinates[a]) + x[a]) * setup.dx;
+            }
+            place
+        };
+        // Particles lie at most two cells outside their blocks.
+        let (middle, around) = (0.5 * f64::from(BLOCK), (0.5 * f64::from(BLOCK) + 2.0) * (D as f64).sqrt() * setup.dx);
+        let near = |block: &Block<T, D>| plates.reach(place(&block.coordinates, [middle; D]), around);
+        let near: Vec<bool> = old.blocks.par_iter().map(near).collect();
+        self.rebin(old, |old, at| {
+            let (block, chunk, l) = old.at(at);
+            let x = std::array::from_fn(|a| chunk.x[a][l].to_f64());
+            let is_near = near[old.chunks[at / LANES].0 as usize];
+            if is_near { plates.layer(place(&block.coordinates, x)) } else { 0 }
+        });
+    }
+
+    /// Sorts particles into blocks. `field` tells that of the particle at a place.
+    fn rebin(&mut self, old: Old<T, D>, field: impl Fn(&Old<T, D>, usize) -> u32 + Sync) {
+        let (cell, period) = (self.constants.layout.cell, self.constants.period);
         let home = |old: &Old<T, D>, at: usize| {
             let (block, chunk, l) = old.at(at);
             let x = std::array::from_fn(|a| chunk.x[a][l]);
@@ -111,8 +144,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         let used = (0..old.chunks.len() * LANES).into_par_iter().filter(|&at| at % LANES < old.at(at).1.count);
         let place = |at: usize| {
             let (_, chunk, l) = old.at(at);
-            let field = self.constants.bodies[chunk.body as usize].field;
-            Place { block: pack(field, home(&old, at).0), id: chunk.id[l], at: at as u32 }
+            Place { block: pack(field(&old, at), home(&old, at).0), id: chunk.id[l], at: at as u32 }
         };
         let places: Vec<Place> = used.map(place).collect();
         let mut bodies = vec![0; places.len()];

@@ -6,7 +6,8 @@ use gridfall_core::sim::divergence;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::{Axis, Setup};
-use gridfall_core::sim::timestep::{REPLAN_DEMAND, SHRINK, StepPlan, plan_frame};
+use gridfall_core::sim::side;
+use gridfall_core::sim::timestep::{Extremes, REPLAN_DEMAND, SHRINK, StepPlan, plan_frame};
 
 /// A problem loaded on the CPU.
 pub struct CpuEngine {
@@ -107,6 +108,9 @@ impl Engine for CpuEngine {
         let mut done = 0;
         let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.setup)];
         let staggered = self.setup.is_staggered();
+        let sided = side::acts(&self.setup);
+        // Steps until particles are asked again which side of plates they are on.
+        let mut until_asked = side::steps_between(&self.setup, extremes.node_speed_m_s, plan.dt_s);
         // The time over which forces act before the coming motion.
         let mut kick_s = if staggered { 0.5 * plan.dt_s } else { plan.dt_s };
         self.stages.p2g(kick_s);
@@ -142,8 +146,10 @@ impl Engine for CpuEngine {
             let too_long = moved.max_speed_m_s * plan.dt_s > self.setup.cfl * self.setup.dx
                 || moved.growing
                 || moved.demand_1_s2 * plan.dt_s * plan.dt_s > REPLAN_DEMAND;
+            until_asked = until_asked.saturating_sub(1);
+            let asked = sided && (too_long || until_asked == 0);
+            let extremes = if too_long || asked { self.stages.extremes() } else { Extremes::default() };
             if too_long {
-                let extremes = self.stages.extremes();
                 from_s = self.time_s;
                 let longest = plan_frame(&self.setup, &extremes, start_s + frame_s - from_s);
                 let before_s = plan.dt_s;
@@ -152,8 +158,13 @@ impl Engine for CpuEngine {
                 done = 0;
                 kick_s = if staggered { 0.5 * (before_s + plan.dt_s) } else { plan.dt_s };
             }
-            if too_long || moved.strayed {
+            if asked {
+                until_asked = side::steps_between(&self.setup, extremes.node_speed_m_s, plan.dt_s);
+                self.stages.sort();
+            } else if too_long || moved.strayed {
                 self.stages.bin();
+            }
+            if asked || too_long || moved.strayed {
                 self.stages.p2g(kick_s);
             }
         }

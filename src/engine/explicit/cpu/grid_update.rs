@@ -8,6 +8,7 @@
 use rayon::prelude::*;
 
 use super::pairs::Fields;
+use super::sides::Layers;
 use super::simulation::{Block, Constants};
 use super::tables::Tables;
 use super::tile::{BLOCK, Layout, MASS, Node};
@@ -17,6 +18,7 @@ use gridfall_core::sim::contact::{ContactKind, mirrored, respond, stick_mirrored
 use gridfall_core::sim::pair;
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::{Axis, Contact, ContactAt, Setup};
+use gridfall_core::sim::side::Plates;
 
 /// Node velocities on sparse blocks of 4^D nodes.
 #[derive(Clone, Debug, Default)]
@@ -164,6 +166,11 @@ impl<T: Real, const D: usize> Grid<T, D> {
             let full = pair::full_nodes(setup).into_iter().map(T::from_f64).collect();
             let fields = Fields { setup, constants, tables: &self.tables, nodes: sums, full, volumes };
             (self.met, self.filled) = fields.meet();
+        } else if constants.sided {
+            let nodes = (0..self.tables.nodes()).into_par_iter().map(|node| self.sum(node, tiles.nodes)).collect();
+            let (volumes, plates) = (std::mem::take(&mut self.filled), Plates::new(setup, time_s));
+            let layers = Layers { setup, constants, tables: &self.tables, plates, nodes, volumes };
+            (self.met, self.filled) = layers.join();
         }
         let mut room = std::mem::take(&mut self.room);
         let asked = *follows && !present.is_empty();

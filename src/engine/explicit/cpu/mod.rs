@@ -14,6 +14,7 @@ mod isolated;
 mod narrow;
 mod p2g;
 mod pairs;
+mod sides;
 mod simulation;
 mod stages;
 mod tables;

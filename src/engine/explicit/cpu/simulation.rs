@@ -11,6 +11,7 @@ use super::grid_update::{Gathered, Grid, Tiles};
 use super::interpolation::{Interpolation, interpolation};
 use super::narrow::Narrow;
 use super::p2g;
+use super::sides;
 use super::tile::{BLOCK, Layout, Node};
 use super::touch::{self as touching, Contacts, Taken};
 use gridfall_core::material::{Damping, Law};
@@ -20,6 +21,7 @@ use gridfall_core::sim::pair;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::{Axis, Body, Setup, Transfer};
+use gridfall_core::sim::side;
 use gridfall_core::sim::timestep::{Extremes, demands_at_rest_1_s2};
 use gridfall_core::sim::touch::{self, Springs, Touch};
 use gridfall_core::sim::volume;
@@ -88,12 +90,14 @@ pub struct Constants<T, const D: usize> {
     pub follows: bool,
     /// Whether P2G sums rest volumes.
     pub mixed: bool,
+    /// Whether particles have sides, see [`side`]; their layer is then their block's field.
+    pub sided: bool,
 }
 
 /// 4 cells an axis that hold particles.
 #[derive(Clone, Debug)]
 pub struct Block<T, const D: usize> {
-    /// Of its particles, see [`pair`].
+    /// Of its particles, see [`pair`] and [`side`].
     pub field: u32,
     /// Lowest cell / 4.
     pub coordinates: [i32; D],
@@ -125,7 +129,7 @@ pub struct Simulation<T, const D: usize> {
     /// What they take by the springs in the last transfer to the grid.
     pressed: Vec<Reaction>,
     /// Time that particles have reached (s).
-    time_s: f64,
+    pub(super) time_s: f64,
 }
 
 impl<T: Real, const D: usize> Simulation<T, D> {
@@ -154,6 +158,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
             period: std::array::from_fn(periodic),
             follows,
             mixed: follows && volume::is_mixed(setup),
+            sided: side::acts(setup),
         };
         let springs = if touch::acts(setup) {
             setup.bodies.iter().map(|body| Springs::of(setup, body)).collect()
@@ -202,7 +207,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
     /// What a frame starts from: particles in order of (block, index), and ∇v that acts in stresses from the affine
     /// state, so that a run continued from a snapshot is the run that was not interrupted.
     pub fn start_frame(&mut self) {
-        self.bin();
+        self.sort();
         let (constants, interpolation) = (&self.constants, &self.interpolation);
         self.blocks.par_iter_mut().flat_map_iter(|block| &mut block.chunks).for_each(|chunk| {
             if chunk.state.grad_v().is_some() {
@@ -265,23 +270,25 @@ impl<T: Real, const D: usize> Simulation<T, D> {
 
     /// What the particles ask of the coming steps; C = B D⁻¹.
     pub fn extremes(&self) -> Extremes {
+        let reach = T::from_f64((D as f64).sqrt() * self.setup.dx);
         let of_chunk = |chunk: &Chunk<T, D>| {
             let rates = self.interpolation.affine_rates(&self.constants, chunk);
             let body = &self.constants.bodies[chunk.body as usize];
             let mut scratch = rates;
             let demand = body.demand * p2g::stress(&body.law, chunk, &mut scratch).max(T::ONE);
-            let (mut speed, mut rate) = (T::ZERO, T::ZERO);
+            let (mut speed, mut rate, mut node) = (T::ZERO, T::ZERO, T::ZERO);
             for l in 0..chunk.count {
                 let c = matrix(&rates, l);
-                rate = rate.max(double_dot(&c, &c));
-                speed = speed.max((0..D).map(|a| chunk.v[a][l] * chunk.v[a][l]).sum());
+                let (cc, vv) = (double_dot(&c, &c), (0..D).map(|a| chunk.v[a][l] * chunk.v[a][l]).sum::<T>());
+                (rate, speed) = (rate.max(cc), speed.max(vv));
+                node = node.max(vv.sqrt() + reach * cc.sqrt());
             }
-            [speed, rate, demand].map(T::to_f64)
+            [speed, rate, node, demand].map(T::to_f64)
         };
-        let max = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| a[k].max(b[k]));
-        let [speed, rate, demand_1_s2] =
-            self.blocks.par_iter().flat_map_iter(|block| &block.chunks).map(of_chunk).reduce(|| [0.0; 3], max);
-        Extremes { speed_m_s: speed.sqrt(), affine_rate_1_s: rate.sqrt(), demand_1_s2 }
+        let max = |a: [f64; 4], b: [f64; 4]| std::array::from_fn(|k| a[k].max(b[k]));
+        let [speed, rate, node_speed_m_s, demand_1_s2] =
+            self.blocks.par_iter().flat_map_iter(|block| &block.chunks).map(of_chunk).reduce(|| [0.0; 4], max);
+        Extremes { speed_m_s: speed.sqrt(), affine_rate_1_s: rate.sqrt(), node_speed_m_s, demand_1_s2 }
     }
 
     /// Particles → tiles, forces for a step of `dt_s` included.
@@ -319,6 +326,9 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         let (constants, interpolation, grid) = (&self.constants, &*self.interpolation, &self.grid);
         let [dt, next] = [dt_s, next_s].map(T::from_f64);
         let tile_size = constants.layout.tile(D);
+        let last = g2p && !p2g;
+        let accompanied =
+            if constants.sided && last { sides::accompanied(&self.blocks, &constants.period) } else { Vec::new() };
         let mut volumes = self.volumes.chunks_exact_mut(tile_size);
         let tiles = self.blocks.iter_mut().zip(self.tiles.chunks_exact_mut(tile_size));
         let (setup, springs, touches) = (&self.setup, &self.springs, !self.springs.is_empty());
@@ -336,6 +346,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
                     volumes.fill(T::ZERO);
                 }
             }
+            let asked = last && !accompanied.get(index).is_some_and(|&accompanied| accompanied);
             let velocities = &gathered.velocities;
             let (room, filled) = (gathered.room(), gathered.filled());
             let around = Around { walls: block.walls.as_deref(), room, filled };
@@ -348,7 +359,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
                 let body = &constants.bodies[chunk.body as usize];
                 let mut flowed = None;
                 if g2p {
-                    let alone = (!p2g).then(|| interpolation.isolated(constants, chunk, velocities));
+                    let alone = asked.then(|| interpolation.isolated(constants, chunk, velocities));
                     interpolation.gather(constants, chunk, velocities, &around, &mut scratch, &mut fill);
                     let from = chunk.x;
                     moves =

@@ -39,6 +39,8 @@ pub trait Stages: Send {
     fn start_frame(&mut self);
     /// Sorts particles into blocks and prepares these blocks' nodes.
     fn bin(&mut self);
+    /// [`Self::bin`], after particles have been asked which side of plates they are on.
+    fn sort(&mut self);
     /// Mass, momentum and the impulse of a step's forces to the grid.
     fn p2g(&mut self, dt_s: f64);
     /// Node velocities after forces of `dt_s`, for a motion of `move_s` (s) from `time_s`, or for none;
@@ -72,6 +74,9 @@ impl<T: Real, const D: usize> Stages for Simulation<T, D> {
     }
     fn bin(&mut self) {
         Simulation::bin(self);
+    }
+    fn sort(&mut self) {
+        Simulation::sort(self);
     }
     fn p2g(&mut self, dt_s: f64) {
         Simulation::p2g(self, dt_s);

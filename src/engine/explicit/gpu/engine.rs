@@ -391,7 +391,12 @@ impl Engine for GpuEngine {
         let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.setup)];
         for _ in 0..MAX_PLANS {
             // The bound on node speeds has the affine part in it.
-            let extremes = Extremes { speed_m_s: self.max_speed, affine_rate_1_s: 0.0, demand_1_s2: self.max_demand };
+            let extremes = Extremes {
+                speed_m_s: self.max_speed,
+                affine_rate_1_s: 0.0,
+                node_speed_m_s: self.max_speed,
+                demand_1_s2: self.max_demand,
+            };
             let plan = timestep::plan_frame(&self.setup, &extremes, frame_s - done_s).no_longer_than(longest_s);
             if let Some(reason) = plan.endless() {
                 let particles = self.snapshot()?;
