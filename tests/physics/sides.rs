@@ -47,7 +47,9 @@ fn what_slides_on_a_plate_does_not_drag_what_lies_under_it() {
             let after = engine.snapshot().unwrap();
             let [above, below] = [0, 1].map(|body| speed(&after, body, 0));
             let ratio = -weight / (0.3 * 0.4 * 1000.0 * 9.81);
-            println!("{kernel}, {thickness} dx at {offset}: above {above:.4} m/s, below {below:.1e}, weight {ratio:.3}");
+            println!(
+                "{kernel}, {thickness} dx at {offset}: above {above:.4} m/s, below {below:.1e}, weight {ratio:.3}"
+            );
             assert!((above - 1.0).abs() < 1e-3 && below.abs() < 1e-3, "{kernel} {offset}: {above} {below}");
             assert!((ratio - 1.0).abs() < 0.03, "{kernel} {offset}: {ratio}");
         }

@@ -15,3 +15,4 @@ mod isolated;
 mod layout;
 mod meeting;
 mod shapes;
+mod sides;

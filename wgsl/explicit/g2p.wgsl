@@ -39,6 +39,16 @@ fn rotation_of(B: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
     return mat3x3<f32>(0.0, w.z, -w.y, -w.z, 0.0, w.x, w.y, -w.x, 0.0);
 }
 
+/// Whether particles of other sides may share nodes with those of a block.
+fn is_accompanied(block: u32) -> bool {
+    var other = false;
+    for (var k = 0u; k < params.fields * params.sided; k++) {
+        let there = block - layer(block) + k * layer_size();
+        other = other || (there != block && table_in[there] != 0u);
+    }
+    return other;
+}
+
 @compute @workgroup_size(WORKGROUP)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -58,6 +68,7 @@ fn main(
     workgroupBarrier();
     load_nodes(lane);
     workgroupBarrier();
+    let accompanied = is_accompanied(job.block);
     for (var i = lane; i < job.count; i += WORKGROUP) {
         let to = job.start + i;
         let from_ = list[to];
@@ -75,7 +86,7 @@ fn main(
             g.v += touched_kick(to);
         }
         var next = advance(corner, y, at, g, before, body, id, params.end_dt, &principal);
-        if (next.ok && is_alone(y, body.mass)) {
+        if (next.ok && !accompanied && is_alone(y, body.mass)) {
             atomicAdd(&report.isolated, 1u);
             next.state.F = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
             next.state.J = 1.0;

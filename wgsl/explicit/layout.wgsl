@@ -36,8 +36,8 @@ struct Params {
     last_kick: f32,          // and before that of `last_step` (s); all others: dt
     last_step: u32,
     end_dt: f32,             // time over which the frame's last g2p moves particles (s)
-    fields: u32,             // layers of the block table: bodies with contact of their own, and one
-    spare1: u32,
+    fields: u32,             // layers of the block table: bodies with contact of their own, and one; or sides
+    sided: u32,              // 1 if layers are sides of plates
     spare2: u32,
     walls: array<vec4<f32>, 6>, // x-, x+, y-, y+, z-, z+: contact kind, friction, unused, unused
     contacts: array<vec4<f32>, MOST_FIELDS>, // by field: contact kind, friction, kg of a full node, unused

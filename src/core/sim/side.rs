@@ -38,7 +38,14 @@ pub const TIE_DX: f64 = 1.0 / 32.0;
 
 /// Whether particles have sides in this scene. Bodies with contact of their own have nodes to themselves already.
 pub fn acts(setup: &Setup) -> bool {
-    setup.contact_at == ContactAt::Particles && !pair::is_parted(setup) && setup.colliders.iter().any(|c| is_thin(c, setup))
+    setup.contact_at == ContactAt::Particles
+        && !pair::is_parted(setup)
+        && setup.colliders.iter().any(|c| is_thin(c, setup))
+}
+
+/// Layers of nodes in this scene, whatever asks for them.
+pub fn layers(setup: &Setup) -> usize {
+    if acts(setup) { LAYERS } else { pair::contacts(setup).len() }
 }
 
 fn is_thin(collider: &Collider, setup: &Setup) -> bool {
@@ -88,6 +95,12 @@ pub struct Plates<'a> {
 }
 
 impl<'a> Plates<'a> {
+    /// None where particles have no sides.
+    pub fn of(setup: &'a Setup, time_s: f64) -> Self {
+        let none = Self { placed: Vec::new(), dx: setup.dx, dimension: setup.dimension };
+        if acts(setup) { Self::new(setup, time_s) } else { none }
+    }
+
     pub fn new(setup: &'a Setup, time_s: f64) -> Self {
         let acting = setup.colliders.iter().filter(|c| !c.grip && c.is_present(time_s));
         Self { placed: acting.map(|c| c.at(time_s)).collect(), dx: setup.dx, dimension: setup.dimension }

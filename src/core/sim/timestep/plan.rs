@@ -121,8 +121,7 @@ pub(super) fn positive_root(a: f64, b: f64, c: f64) -> f64 {
 
 /// The extremes of the particles at time 0.
 pub fn initial_extremes(setup: &Setup, particles: &Particles) -> Extremes {
-    let (speed_m_s, affine_rate_1_s) =
-        (initial_speed_m_s(setup, particles), initial_affine_rate_1_s(setup, particles));
+    let (speed_m_s, affine_rate_1_s) = (initial_speed_m_s(setup, particles), initial_affine_rate_1_s(setup, particles));
     Extremes {
         speed_m_s,
         affine_rate_1_s,

@@ -19,7 +19,8 @@ use gridfall_core::sim::divergence;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::Setup;
-use gridfall_core::sim::timestep::{self, Extremes};
+use gridfall_core::sim::side::{self, Plates};
+use gridfall_core::sim::timestep::{self, Extremes, StepPlan};
 use gridfall_core::sim::touch;
 
 /// Fixed-point units of a full node's mass, and of its momentum at the velocity of scale: 2^27
@@ -67,6 +68,12 @@ pub(super) struct Course {
 }
 
 impl Course {
+    /// The first steps of a course, if they are not all. The rest begins with [`Self::of`] or this, its velocities
+    /// behind by half a step.
+    fn first(self, steps: u64) -> Self {
+        if steps < self.steps { Self { steps, staggered: false, ..self } } else { self }
+    }
+
     /// Steps of forces and motion, one after the other.
     pub fn even(dt_s: f64, steps: u64) -> Self {
         Self { dt_s, steps, first_kick_s: dt_s, staggered: false }
@@ -106,7 +113,7 @@ impl GpuEngine {
         let mut layout = DeviceLayout::new(setup);
         let extremes = timestep::initial_extremes(setup, &particles);
         touch::begin(setup, &mut particles, 0.0);
-        let state = layout.state(&particles)?;
+        let state = layout.state(&particles, &Plates::of(setup, 0.0))?;
         let scene = SceneData::new(setup);
         let counts = Counts {
             particles: setup.total_particles(),
@@ -305,13 +312,23 @@ impl GpuEngine {
                     return Err(self.failure(&end, dt_s));
                 }
                 self.arrive(&end);
-                let ahead_s = if staggered && done < steps { 0.5 * dt_s } else { 0.0 };
+                let ahead_s = match () {
+                    _ if !staggered => self.behind_s(course),
+                    _ if done < steps => 0.5 * dt_s,
+                    _ => 0.0,
+                };
                 let steps = done + u64::from(!staggered);
                 return Ok(Segment { steps, ahead_s, halt: report.halt, impulses: self.impulses()? });
             }
             self.arrive(&report);
-            return Ok(Segment { steps, ahead_s: 0.0, halt: 0, impulses: self.impulses()? });
+            let ahead_s = if staggered { 0.0 } else { self.behind_s(course) };
+            return Ok(Segment { steps, ahead_s, halt: 0, impulses: self.impulses()? });
         }
+    }
+
+    /// Time by which velocities are ahead of positions, below 0, after a course that is not staggered where frames are.
+    fn behind_s(&self, course: &Course) -> f64 {
+        if self.setup.is_staggered() { -0.5 * course.dt_s } else { 0.0 }
     }
 
     fn impulses(&self) -> Result<Vec<Reaction>, EngineError> {
@@ -356,6 +373,24 @@ impl GpuEngine {
         lists[(k % 2) as usize].iter()
     }
 
+    /// Plans `left_s` (s) of a frame in steps of at most `longest_s`.
+    fn plan(&mut self, left_s: f64, longest_s: f64) -> Result<StepPlan, EngineError> {
+        // The bound on node speeds has the affine part in it.
+        let extremes = Extremes {
+            speed_m_s: self.max_speed,
+            affine_rate_1_s: 0.0,
+            node_speed_m_s: self.max_speed,
+            demand_1_s2: self.max_demand,
+        };
+        let plan = timestep::plan_frame(&self.setup, &extremes, left_s).no_longer_than(longest_s);
+        if let Some(reason) = plan.endless() {
+            let particles = self.snapshot()?;
+            let what = divergence::endless(&self.setup, &particles, &reason);
+            return Err(EngineError::Diverged { step: self.steps, time_s: self.time_s, what });
+        }
+        Ok(plan)
+    }
+
     fn grow(&mut self, report: &Report, side: usize) -> Result<(), EngineError> {
         let old = self.buffers.counts.capacity;
         let capacity = (report.needed as usize * 5 / 4 + 64).max(old * 3 / 2);
@@ -389,21 +424,21 @@ impl Engine for GpuEngine {
         self.isolated = 0;
         let start_s = self.time_s;
         let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.setup)];
-        for _ in 0..MAX_PLANS {
-            // The bound on node speeds has the affine part in it.
-            let extremes = Extremes {
-                speed_m_s: self.max_speed,
-                affine_rate_1_s: 0.0,
-                node_speed_m_s: self.max_speed,
-                demand_1_s2: self.max_demand,
+        let sided = side::acts(&self.setup);
+        let mut plans = 0;
+        let mut rest: Option<StepPlan> = None;
+        while plans < MAX_PLANS {
+            let plan = match rest.take() {
+                Some(plan) => plan,
+                None => {
+                    plans += 1;
+                    self.plan(frame_s - done_s, longest_s)?
+                }
             };
-            let plan = timestep::plan_frame(&self.setup, &extremes, frame_s - done_s).no_longer_than(longest_s);
-            if let Some(reason) = plan.endless() {
-                let particles = self.snapshot()?;
-                let what = divergence::endless(&self.setup, &particles, &reason);
-                return Err(EngineError::Diverged { step: self.steps, time_s: self.time_s, what });
-            }
             let course = Course::of(&self.setup, plan.dt_s, plan.steps, ahead_s);
+            // Every part of a course begins with a look at the sides of plates.
+            let asked = if sided { side::steps_between(&self.setup, self.max_speed, plan.dt_s) } else { u64::MAX };
+            let course = course.first(asked);
             let segment = self.run_segment(&course, control)?;
             ahead_s = segment.ahead_s;
             let too_long = segment.halt & layout::HALT_REPLAN != 0;
@@ -419,6 +454,9 @@ impl Engine for GpuEngine {
             }
             if segment.halt & layout::HALT_MOMENTUM != 0 {
                 self.momentum_range *= 8.0;
+            }
+            if segment.halt == 0 && segment.steps < plan.steps {
+                rest = Some(StepPlan { steps: plan.steps - segment.steps, ..plan });
             }
             if segment.steps == plan.steps {
                 self.time_s = start_s + frame_s;
@@ -442,7 +480,7 @@ impl Engine for GpuEngine {
 
     fn append(&mut self, mut particles: Particles) -> Result<(), EngineError> {
         touch::begin(&self.setup, &mut particles, self.time_s);
-        let state = self.layout.state(&particles)?;
+        let state = self.layout.state(&particles, &Plates::of(&self.setup, self.time_s))?;
         self.buffers.put_states(&self.gpu, &state, &particles.body);
         self.layout.body_of.extend(&particles.body);
         self.params.live = self.buffers.live as u32;

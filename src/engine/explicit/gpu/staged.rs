@@ -5,8 +5,8 @@ use super::engine::{Course, GpuEngine};
 use super::layout;
 use super::readback::{self, GridNode};
 use crate::contract::{Engine, EngineError};
-use gridfall_core::sim::pair;
 use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::side;
 
 /// Steps taken stage by stage, for comparison with the CPU engine's stages.
 pub struct Staged<'a> {
@@ -56,7 +56,7 @@ impl<'a> Staged<'a> {
 
     /// Dispatches of a frame's last step up to the updated grid.
     fn updated(&self) -> usize {
-        2 + usize::from(pair::is_parted(&self.engine.setup))
+        2 + usize::from(side::layers(&self.engine.setup) > 1)
     }
 
     /// The side of the grid that was filled last.

@@ -5,6 +5,7 @@ use crate::gpu::memory::{Memory, Scope};
 use crate::gpu::program::{Dispatches, Tools};
 use gridfall_core::sim::pair;
 use gridfall_core::sim::setup::Setup;
+use gridfall_core::sim::side;
 use gridfall_core::sim::touch;
 
 /// How many workgroups a dispatch has.
@@ -25,6 +26,7 @@ type Stage = (&'static str, Extent);
 
 /// Full particle states → grid.
 pub const FRAME_START: &[Stage] = &[
+    SIDES,
     ("explicit/mark", Particles),
     ("explicit/commit", One),
     ("explicit/clear", Device(Groups::BlocksOut)),
@@ -36,6 +38,10 @@ pub const FRAME_START: &[Stage] = &[
     ("explicit/p2g", Device(Groups::Work)),
 ];
 
+/// Only in scenes with thin colliders.
+const SIDES: Stage = ("explicit/sides", Particles);
+const JOIN: Stage = ("explicit/join", Device(Groups::BlocksIn));
+
 /// Only in scenes with several fields of nodes.
 const PAIRS: Stage = ("explicit/pairs", Device(Groups::BlocksIn));
 
@@ -46,6 +52,7 @@ pub const STEP: &[Stage] = &[
     ("explicit/reset", Device(Groups::Stale)),
     ("explicit/activate", Device(Groups::Work)),
     ("explicit/commit", One),
+    JOIN,
     PAIRS,
     ("explicit/grid_update", Device(Groups::BlocksIn)),
     ("explicit/clear", Device(Groups::BlocksOut)),
@@ -58,6 +65,7 @@ pub const STEP: &[Stage] = &[
 /// The last step: grid → full particle states.
 pub const FRAME_END: &[Stage] = &[
     ("explicit/prepare", One),
+    JOIN,
     PAIRS,
     ("explicit/grid_update", Device(Groups::BlocksIn)),
     ("explicit/touch_end", Device(Groups::Work)),
@@ -80,10 +88,14 @@ pub struct Stages {
 
 impl Stages {
     /// Stages that a scene has no use for are left out: contact at particles without colliders that act there,
-    /// pairs of fields with only one field.
+    /// pairs of fields with only one field, sides without thin colliders.
     pub fn new(tools: Tools, memory: &Memory, setup: &Setup) -> Self {
-        let (touches, parted) = (touch::acts(setup), pair::is_parted(setup));
-        let has_use = |name: &str| (touches || !name.starts_with("explicit/touch")) && (parted || name != PAIRS.0);
+        let (touches, parted, sided) = (touch::acts(setup), pair::is_parted(setup), side::acts(setup));
+        let has_use = |name: &str| match name {
+            _ if name == SIDES.0 || name == JOIN.0 => sided,
+            _ if name == PAIRS.0 => parted,
+            _ => touches || !name.starts_with("explicit/touch"),
+        };
         let on = |side, list: &[Stage]| {
             let used: Vec<Stage> = list.iter().copied().filter(|(name, _)| has_use(name)).collect();
             Dispatches::new(tools, &used, &Scope::default().and_side(memory, side))

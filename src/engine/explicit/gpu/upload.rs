@@ -7,6 +7,7 @@ use gridfall_core::maths::linalg::{det, from_row_major};
 use gridfall_core::sim::pair;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::{Axis, Kernel, Material, Setup};
+use gridfall_core::sim::side::{self, Plates};
 use gridfall_core::sim::touch::Touch;
 use gridfall_core::sim::volume;
 
@@ -87,7 +88,7 @@ impl DeviceLayout {
             dx: setup.dx,
             shift: shift(setup.kernel),
             layer: pair::fields(setup).into_iter().map(|field| field * size).collect(),
-            fields: pair::contacts(setup).len(),
+            fields: side::layers(setup),
             blocks,
             pad: pad.map(|p| 4 * p),
             periodic,
@@ -135,8 +136,8 @@ impl DeviceLayout {
         seen.iter().filter(|&&s| s).count()
     }
 
-    /// States by id. Errors: [`EngineError::LeftDomain`] for a particle outside the block table.
-    pub fn state(&self, particles: &Particles) -> Result<DeviceState, EngineError> {
+    /// States by id; plates tell the layers of particles near them. Errors: [`EngineError::LeftDomain`] for a particle outside the block table.
+    pub fn state(&self, particles: &Particles, plates: &Plates) -> Result<DeviceState, EngineError> {
         let n = particles.len();
         let mut state = DeviceState {
             position: Vec::with_capacity(n),
@@ -151,13 +152,13 @@ impl DeviceLayout {
             }
         }
         for id in 0..n {
-            state.position.push(self.position(particles.x[id], self.layer[particles.body[id] as usize]).ok_or_else(
-                || EngineError::LeftDomain {
-                    step: 0,
-                    time_s: 0.0,
-                    what: format!("particle {id} starts at {:?}", particles.x[id]),
-                },
-            )?);
+            let side = plates.layer(particles.x[id]) as usize * self.layer_len();
+            let layer = self.layer[particles.body[id] as usize] + side;
+            state.position.push(self.position(particles.x[id], layer).ok_or_else(|| EngineError::LeftDomain {
+                step: 0,
+                time_s: 0.0,
+                what: format!("particle {id} starts at {:?}", particles.x[id]),
+            })?);
             for k in 0..3 {
                 state.velocity[k * n + id] = particles.v[id][k] as f32;
                 for column in 0..3 {
@@ -262,6 +263,7 @@ impl DeviceLayout {
             colliders: setup.colliders.len() as u32,
             fills: fills(setup),
             fields: self.fields as u32,
+            sided: u32::from(side::acts(setup)),
             contacts: contacts(setup),
             walls: std::array::from_fn(|w| match setup.axes[w / 2] {
                 Axis::Periodic => [0.0; 4],

@@ -3,6 +3,7 @@
 use super::step::DeviceStep;
 use crate::contract::EngineError;
 use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::side::Plates;
 
 impl DeviceStep {
     /// Particles that there are.
@@ -12,7 +13,7 @@ impl DeviceStep {
 
     /// Puts particles behind those that there are, for which there must be room.
     pub fn append(&mut self, particles: &Particles) -> Result<(), EngineError> {
-        let state = self.layout.state(particles)?;
+        let state = self.layout.state(particles, &Plates::of(&self.setup, 0.0))?;
         let (first, n, room) = (self.live(), particles.len(), self.buffers.counts.particles);
         let memory = &self.buffers.memory;
         let tags: Vec<[u32; 2]> = (first as u32..).zip(&particles.body).map(|(id, &body)| [id, body]).collect();

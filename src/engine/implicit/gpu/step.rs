@@ -19,6 +19,7 @@ use gridfall_core::sim::collider::Collider;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::{Body, Material, Setup};
+use gridfall_core::sim::side::Plates;
 
 /// Nodes lighter than this share of a full one fall freely, without forces.
 const FREE_FALL_SHARE: f64 = 1e-12;
@@ -43,7 +44,7 @@ impl DeviceStep {
     /// Loads a problem. Errors: capacity, a particle outside the domain, a lost device.
     pub fn new(gpu: Arc<Gpu>, setup: &Setup, particles: &Particles) -> Result<Self, EngineError> {
         let layout = DeviceLayout::new(setup);
-        let state = layout.state(particles)?;
+        let state = layout.state(particles, &Plates::of(setup, 0.0))?;
         let scene = SceneData::new(setup);
         let counts = Counts {
             kernel: setup.kernel,
