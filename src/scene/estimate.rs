@@ -4,6 +4,7 @@ use gridfall_core::sim::cost::{self, Prediction};
 use gridfall_core::sim::pair;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::{Axis, Integrator, Kernel, Material, Precision, Problem, Setup};
+use gridfall_core::sim::side::{self, Plates};
 use gridfall_core::sim::source::Source;
 use gridfall_core::sim::timestep::Bound;
 use gridfall_core::sim::touch;
@@ -115,7 +116,7 @@ pub fn estimate(problem: &Problem) -> Estimate {
     let possible = cost::implicit_fault(setup).or(too_fast).is_none();
     let total = setup.total_particles() as u64;
     let blocks = active_blocks(setup, particles) + emitted_blocks(setup);
-    let fields = pair::contacts(setup).len() as u64;
+    let fields = side::layers(setup) as u64;
     Estimate {
         particles: total,
         cells: setup.cells,
@@ -148,7 +149,7 @@ fn device_memory_bytes(setup: &Setup, blocks: u64) -> Option<u64> {
     let channels = |m: &Material| (if m.is_fluid() { 1 } else { 9 }) + u64::from(m.has_plastic_state());
     let channels = setup.bodies.iter().map(|b| channels(&setup.materials[b.material])).max().unwrap_or(1);
     let layer: u64 = setup.cells.iter().map(|&n| n.div_ceil(4) as u64).product();
-    let table = layer * pair::contacts(setup).len() as u64;
+    let table = layer * side::layers(setup) as u64;
     let touch = if touch::acts(setup) { TOUCH_BYTES_PER_PARTICLE } else { 0 };
     let particle = DEVICE_BYTES_PER_PARTICLE + touch + 4 * channels * DEFORMATION_COPIES;
     let nodes = blocks * BLOCK_CELLS * grids;
@@ -175,7 +176,7 @@ fn field_bytes(setup: &Setup) -> u64 {
     setup.colliders.iter().flat_map(|collider| collider.sdf.fields()).map(|(field, _)| field.bytes()).sum()
 }
 
-/// The number of blocks with particles and all their neighbours, in all fields.
+/// The number of blocks with particles and all their neighbours, in all layers.
 fn active_blocks(setup: &Setup, particles: &Particles) -> u64 {
     let fields = pair::fields(setup);
     let bodies = || setup.bodies.iter().zip(&fields);
@@ -183,6 +184,14 @@ fn active_blocks(setup: &Setup, particles: &Particles) -> u64 {
         let of = bodies().filter(|(_, f)| **f == field);
         of.flat_map(|(body, _)| particles.x[body.particles.clone()].iter().copied()).collect()
     };
+    if side::acts(setup) {
+        let plates = Plates::new(setup, 0.0);
+        let layers: Vec<u32> = particles.x.par_iter().map(|&x| plates.layer(x)).collect();
+        let of = |layer: u32| -> Vec<[f64; 3]> {
+            particles.x.iter().zip(&layers).filter(|(_, l)| **l == layer).map(|(x, _)| *x).collect()
+        };
+        return (0..side::LAYERS as u32).map(|layer| blocks_around(setup, &of(layer))).sum();
+    }
     match pair::is_parted(setup) {
         false => blocks_around(setup, &particles.x),
         true => (0..pair::contacts(setup).len()).map(|field| blocks_around(setup, &shared(field))).sum(),

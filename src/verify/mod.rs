@@ -18,6 +18,7 @@ mod motion;
 mod report;
 mod session;
 mod setup;
+mod sides;
 mod single_particle;
 mod sliding_block;
 mod sticky_walls;
@@ -60,6 +61,7 @@ pub const CASES: &[Case] = &[
     sticky_walls::POISEUILLE,
     sticky_walls::SHEARED_LAYER,
     faces::SHEARED_BLOCK,
+    sides::SIDES_OF_A_PLATE,
     earth_pressure::EARTH_PRESSURE,
     granular::ANGLE_OF_REPOSE,
     water_level::WATER_LEVEL,
