@@ -55,7 +55,7 @@ fn still_water(session: &mut Session) -> Result<(), EngineError> {
         // of its periods, 4 h / c.
         let height = 12.0 * dx;
         let period_s = 4.0 * height / (bulk_modulus / 1000.0f64).sqrt();
-        let layer = if d == 2 { 8.0 * dx * dx } else { 16.0 * dx * dx * dx };
+        let layers = 6.0 * if d == 2 { 8.0 * dx * dx } else { 16.0 * dx * dx * dx };
         let mut simulation = Forced::new(&problem, material_bound(&problem.setup).0).watch_nodes();
         let end_s = session.pick(10.0, 20.0) * period_s;
         let (mut impulse, mut pressure, mut weight_s) = (0.0, 0.0, 0.0);
@@ -69,25 +69,26 @@ fn still_water(session: &mut Session) -> Result<(), EngineError> {
             weight_s += window * simulation.dt_s();
             impulse += window * floor_impulse(&problem, &simulation);
             let particles = simulation.particles();
-            // The mean over the room of a layer of cells, of the particles that are in it now:
+            // The mean over the room of six layers of cells, of the particles that are in it now:
             // stress times volume is what the grid balances. A particle's own pressure is noise and,
-            // where particles stand looser than their J says, too high on the average.
+            // where particles stand looser than their J says, too high on the average. A single layer
+            // is up to 4 % off either way, as particles happen to have come to rest in it.
             let volume0 = problem.setup.bodies[0].volume0;
             let mut sum = 0.0;
             for (x, f) in particles.x.iter().zip(&particles.f) {
-                let above = x[d - 1] - 2.5 * dx;
-                if above.abs() < 0.5 * dx {
+                let above = x[d - 1] - 5.0 * dx;
+                if above.abs() < 3.0 * dx {
                     let j = determinant(f);
                     sum += volume0 * j * (bulk_modulus / 7.15 * (j.powf(-7.15) - 1.0) + 1000.0 * g * above);
                 }
             }
-            pressure += window * simulation.dt_s() * sum / layer;
+            pressure += window * simulation.dt_s() * sum / layers;
         }
         let weight = g * problem.setup.bodies[0].mass * problem.particles.len() as f64;
         session.check(scheme, "reaction of the floor", "N", (Rule::Relative, weight, 0.02), impulse / weight_s);
-        let depth = height - 2.5 * dx;
+        let depth = height - 5.0 * dx;
         let expected = (Rule::Relative, 1000.0 * g * depth, 0.02);
-        session.check(scheme, "mean pressure 2.5 dx above it", "Pa", expected, pressure / weight_s);
+        session.check(scheme, "mean pressure 2 to 8 dx above it", "Pa", expected, pressure / weight_s);
     }
     Ok(())
 }

@@ -7,10 +7,11 @@
 struct Met { v: vec3<f32>, room: f32 }
 
 /// `mass`: fixed-point momentum per velocity; `slot`: of the block, whose workgroup books what
-/// colliders take.
-fn collide(v_in: vec3<f32>, x: vec3<f32>, mass: f32, slot: u32) -> Met {
+/// colliders take; `beyond`: whether the node lies beyond a plate, so that its room is what is before that.
+fn collide(v_in: vec3<f32>, x: vec3<f32>, mass: f32, slot: u32, beyond: bool) -> Met {
     var v = v_in;
     var room = 1.0;
+    var nearest = 1e30;
     for (var c = 0u; c < params.colliders; c++) {
         let collider = colliders[c];
         let pose = poses[(report.index - params.first_step) * params.colliders + c];
@@ -20,7 +21,11 @@ fn collide(v_in: vec3<f32>, x: vec3<f32>, mass: f32, slot: u32) -> Met {
         let local = to_local(pose, x);
         let distance = distance_to(collider, local);
         if (pose.center.w != 0.0) {
-            room *= inside(vec3<f32>(distance / params.dx)).x;
+            // Of the nearest collider at the end.
+            let away = abs(distance);
+            let other = select(distance, nearest, away < abs(nearest));
+            room *= inside(vec3<f32>(other / params.dx)).x;
+            nearest = select(nearest, distance, away < abs(nearest));
         }
         if (distance > 0.0 || mass <= 0.0 || collider.touches != 0u) {
             continue;
@@ -31,5 +36,6 @@ fn collide(v_in: vec3<f32>, x: vec3<f32>, mass: f32, slot: u32) -> Met {
         take(slot, WALLS + c, mass * (v - after), (x - pose.center.xyz) / params.dx);
         v = after;
     }
+    room *= inside(vec3<f32>(select(nearest, -abs(nearest), beyond) / params.dx)).x;
     return Met(v, room);
 }

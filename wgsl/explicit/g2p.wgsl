@@ -56,12 +56,9 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let item = group_index(group, groups);
-    var job = Work(0u, 0u, 0u, 0u);
-    if (item < report.groups[GROUPS_WORK]) {
-        job = work[item];
-        if (item == 0u && lane == 0u) {
-            report.finished = 1u;
-        }
+    let job = job_of(item);
+    if (item == 0u && lane == 0u && job.count > 0u) {
+        report.finished = 1u;
     }
     let corner = block_corner(job.block);
     open_gather(job.block, lane);

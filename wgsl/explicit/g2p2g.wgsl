@@ -15,10 +15,7 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let item = group_index(group, groups);
-    var job = Work(0u, 0u, 0u, 0u);
-    if (item < report.groups[GROUPS_WORK]) {
-        job = work[item];
-    }
+    let job = job_of(item);
     let corner = block_corner(job.block);
     open_gather(job.block, lane);
     open_scatter(job.block, lane);

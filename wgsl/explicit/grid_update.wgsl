@@ -22,6 +22,7 @@ fn filled(at: u32) -> f32 {
     var sum = grid_in[at];
     if (params.fills == FILLS_VOLUME) {
         sum = grid_in[at + FILLED];
+        sum = select(sum, -1 - sum, sum < 0);
         check_range(sum, HALT_MASS);
     }
     return f32(sum) / params.cell_scale;
@@ -46,7 +47,9 @@ fn finish(at: u32, n: vec3<i32>, grid: u32, node: vec4<f32>, slot: u32) {
     // Nodes without mass have room, too.
     if (params.colliders > 0u && (node.w > 0.0 || params.fills != FILLS_NOTHING)) {
         let x = vec3<f32>(n) + vec3<f32>(node_offset(grid));
-        met = collide(node.xyz, x * params.dx, node.w, slot);
+        // The sides of plates are told by `join`.
+        let beyond = params.sided != 0u && grid_in[at + FILLED] < 0;
+        met = collide(node.xyz, x * params.dx, node.w, slot, beyond);
     }
     grid_in[at + CHANNEL] = bitcast<i32>(met.v.x);
     grid_in[at + 2u * CHANNEL] = bitcast<i32>(met.v.y);

@@ -1,7 +1,7 @@
 // Nodes that both sides of a plate have: layers for which a node is at home move together, and those for which
 // it lies beyond a plate. Twin: src/engine/explicit/cpu/sides.rs.
 // In: fixed-point mass, momentum and rest volume. Out: momenta, each layer's with its own mass, to the unit what
-// they were together; rest volumes of the layers that move together.
+// they were together; rest volumes of the layers that move together, negative at nodes beyond a plate.
 // One workgroup an active block, that of the lowest layer where several are: a lane reads and writes the nodes of
 // all layers at its place.
 //
@@ -23,7 +23,7 @@ fn is_beyond(x: vec3<f32>, distance: f32, layer: u32) -> bool {
 }
 
 /// Gives the nodes of the layers in `members`, a bit each, one velocity, and the sum of what fills them.
-fn together(members: u32, n: vec3<i32>, grid: u32) {
+fn together(members: u32, n: vec3<i32>, grid: u32, beyond: bool) {
     var mass = 0;
     var volume = 0;
     var momentum = vec3<i32>(0);
@@ -58,7 +58,7 @@ fn together(members: u32, n: vec3<i32>, grid: u32) {
         grid_in[at + 2u * CHANNEL] = own.y;
         grid_in[at + 3u * CHANNEL] = own.z;
         if (params.fills != FILLS_NOTHING) {
-            grid_in[at + FILLED] = volume;
+            grid_in[at + FILLED] = select(volume, -1 - volume, beyond);
         }
     }
 }
@@ -80,7 +80,7 @@ fn main(
         here |= select(0u, 1u << k, table_in[first + k * layer_size()] != 0u);
     }
     let own = layer(block) / layer_size();
-    if (countOneBits(here) < 2u || firstTrailingBit(here) != own) {
+    if (here == 1u || firstTrailingBit(here) != own) {
         return;
     }
     let n = 4 * block_coordinates(block) - params.pad + vec3<i32>(vec3<u32>(lane & 3u, (lane >> 2u) & 3u, lane >> 4u));
@@ -93,7 +93,7 @@ fn main(
                 beyond |= 1u << k;
             }
         }
-        together(here & ~beyond, n, grid);
-        together(here & beyond, n, grid);
+        together(here & ~beyond, n, grid, false);
+        together(here & beyond, n, grid, true);
     }
 }

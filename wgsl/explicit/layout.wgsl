@@ -143,6 +143,15 @@ fn kick(step: u32) -> f32 {
     return select(params.dt, params.last_kick, step == params.last_step);
 }
 
+/// The work of a workgroup; empty if there is none.
+fn job_of(item: u32) -> Work {
+    var job = Work(0u, 0u, 0u, 0u);
+    if (item < report.groups[GROUPS_WORK]) {
+        job = work[item];
+    }
+    return job;
+}
+
 fn halted() -> bool {
     return atomicLoad(&report.halt) != 0u;
 }

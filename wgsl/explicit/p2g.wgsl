@@ -13,10 +13,7 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let item = group_index(group, groups);
-    var job = Work(0u, 0u, 0u, 0u);
-    if (item < report.groups[GROUPS_WORK]) {
-        job = work[item];
-    }
+    let job = job_of(item);
     open_scatter(job.block, lane);
     workgroupBarrier();
     for (var i = lane; i < job.count; i += WORKGROUP) {

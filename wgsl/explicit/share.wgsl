@@ -1,19 +1,19 @@
 // What nodes tell particles beside velocities, in one word: cells filled, and the share of the
 // node's room outside colliders.
 //
-// In 16 bits each the former is good to 3e-5 of a cell, the latter to 8e-6, which is as much of the
-// least room that counts; a half float would be good to 5e-4 of a full node only. More than the
-// range of the former is next to what asks for coarser sums (SOFT_LIMIT), and counts as its end.
+// In 17 and 15 bits both are good to 1.5e-5; a half float would be good to 5e-4 of a full node only.
+// More than the range of the former is next to what asks for coarser sums (SOFT_LIMIT), and counts as
+// its end.
 
 const MOST_FILLED = 4.0;
 
 struct NodeFill { filled: f32, room: f32 }
 
 fn packed_fill(node: NodeFill) -> u32 {
-    return pack2x16unorm(vec2<f32>(node.filled / MOST_FILLED, node.room));
+    let filled = u32(round(131071.0 * clamp(node.filled / MOST_FILLED, 0.0, 1.0)));
+    return filled << 15u | u32(round(32767.0 * clamp(node.room, 0.0, 1.0)));
 }
 
 fn unpacked(word: u32) -> NodeFill {
-    let shares = unpack2x16unorm(word);
-    return NodeFill(shares.x * MOST_FILLED, shares.y);
+    return NodeFill(f32(word >> 15u) * (MOST_FILLED / 131071.0), f32(word & 32767u) / 32767.0);
 }

@@ -3,9 +3,6 @@
 //
 // uses explicit/beyond, explicit/move
 
-/// Least half step of a normal's differences (dx).
-const LEAST_STEP: f32 = 0.00390625;
-
 fn side_of(x: vec3<f32>) -> u32 {
     let nearest = nearest_plate(x);
     let distance = nearest.distance / params.dx;
@@ -13,8 +10,8 @@ fn side_of(x: vec3<f32>) -> u32 {
         return 0u;
     }
     let pose = plate_pose(nearest.c);
-    let step = clamp(0.5 * distance, LEAST_STEP, NORMAL_STEP) * params.dx;
-    let n = surface_normal(colliders[nearest.c], pose, to_local(pose, x), step);
+    // Differences across a thin plate are short, but have the right direction.
+    let n = surface_normal(colliders[nearest.c], pose, to_local(pose, x), NORMAL_STEP * params.dx);
     let s = abs(n);
     var a = select(0u, 1u, s.y > s.x);
     a = select(a, 2u, s.z > max(s.x, s.y));
@@ -39,5 +36,7 @@ fn main(
     let at = frame_position[id];
     let block = at.w - layer(at.w);
     let y = bitcast<vec3<f32>>(at.xyz);
-    frame_position[id].w = block + side_of((block_corner(block) + y + SHIFT) * params.dx) * layer_size();
+    let x = block_corner(block) + y + SHIFT;
+    let wrapped = select(x, x - params.cells * floor(x / params.cells), params.periodic == vec3<u32>(1u));
+    frame_position[id].w = block + side_of(wrapped * params.dx) * layer_size();
 }

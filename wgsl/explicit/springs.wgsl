@@ -64,7 +64,7 @@ fn press(touch: ptr<function, Touch>, body: Body, face: Face, v: vec3<f32>) -> v
     let n = face.normal;
     let relative = v - face.velocity;
     let gap = face.distance - (*touch).radius;
-    let push = -body.stiffness * gap - body.damping * dot(relative, n);
+    let away = dot(relative, n);
     let held = (*touch).holds == face.collider;
     let free = (*touch).holds == 0u;
     if (!held && gap >= 0.0) {
@@ -83,7 +83,7 @@ fn press(touch: ptr<function, Touch>, body: Body, face: Face, v: vec3<f32>) -> v
             return vec3<f32>(0.0);
         }
         (*touch).holds = face.collider;
-        return push * n;
+        return (-body.stiffness * gap - body.damping * away) * n;
     }
     if (gap >= 0.0) {
         (*touch).holds = 0u;
@@ -92,6 +92,6 @@ fn press(touch: ptr<function, Touch>, body: Body, face: Face, v: vec3<f32>) -> v
     }
     // What only just touches is not braked at once: the force has no jump.
     let share = min(-gap / (SOFT * body.spacing), 1.0);
-    let held_off = max(-body.stiffness * gap - share * body.damping * dot(relative, n), 0.0);
+    let held_off = max(-body.stiffness * gap - share * body.damping * away, 0.0);
     return held_off * n + rub(touch, body, face, relative, face.friction * held_off);
 }

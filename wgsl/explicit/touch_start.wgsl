@@ -10,23 +10,10 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let item = group_index(group, groups);
-    var job = Work(0u, 0u, 0u, 0u);
-    if (item < report.groups[GROUPS_WORK]) {
-        job = work[item];
-    }
+    let job = job_of(item);
     let corner = block_corner(job.block);
-    open_touching(lane);
-    workgroupBarrier();
-    look_around(corner, lane);
-    workgroupBarrier();
-    let near = atomicLoad(&close_by);
-    if (lane == 0u && job.count > 0u) {
-        work[item].touched = near;
-    }
-    if (near == 0u) {
-        job.count = 0u;
-    }
-    for (var i = lane; i < job.count; i += 64u) {
+    let count = count_near(item, job, corner, lane, true);
+    for (var i = lane; i < count; i += 64u) {
         let id = list[job.start + i];
         let y = bitcast<vec3<f32>>(frame_position[id].xyz);
         var v: vec3<f32>;

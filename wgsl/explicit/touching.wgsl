@@ -21,16 +21,14 @@ fn pose_at(c: u32, later: u32) -> Pose {
     return poses[(report.index - params.first_step + later) * params.colliders + c];
 }
 
-/// Zeroes what lanes share. A barrier must follow.
-fn open_touching(lane: u32) {
+/// How many particles of a job may touch something: all if a collider is near its block, or none. The transfer
+/// is told. Has barriers; zeroes the sums of reactions.
+fn count_near(item: u32, job: Work, corner: vec3<f32>, lane: u32, may: bool) -> u32 {
     open_reactions(lane);
     if (lane == 0u) {
         atomicStore(&close_by, 0u);
     }
-}
-
-/// Looks for colliders near a block. A barrier must follow.
-fn look_around(corner: vec3<f32>, lane: u32) {
+    workgroupBarrier();
     let middle = (corner + 2.0 + SHIFT) * params.dx;
     for (var c = lane; c < params.colliders; c += 64u) {
         let collider = colliders[c];
@@ -39,6 +37,12 @@ fn look_around(corner: vec3<f32>, lane: u32) {
             atomicStore(&close_by, 1u);
         }
     }
+    workgroupBarrier();
+    let near = select(0u, atomicLoad(&close_by), may);
+    if (lane == 0u && job.count > 0u) {
+        work[item].touched = near;
+    }
+    return job.count * near;
 }
 
 fn load_touch(id: u32) -> Touch {

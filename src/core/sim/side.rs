@@ -14,7 +14,6 @@ use super::collider::{Collider, NORMAL_STEP_DX, Placed, Primitive, SdfOp};
 use super::pair;
 use super::setup::{ContactAt, Setup};
 use super::timestep::max_collider_speed_m_s;
-use super::touch::LEAST_STEP_DX;
 
 /// Layers of nodes: of no side, and of +x, −x, +y, −y, +z, −z. Twins of the constants: wgsl/explicit/beyond.wgsl.
 pub const LAYERS: usize = 7;
@@ -112,8 +111,8 @@ impl<'a> Plates<'a> {
         if distance > REACH_DX * self.dx {
             return 0;
         }
-        let step = (0.5 * distance).clamp(LEAST_STEP_DX * self.dx, NORMAL_STEP_DX * self.dx);
-        let n = nearest.normal(x, step);
+        // Differences across a thin plate are short, but have the right direction.
+        let n = nearest.normal(x, NORMAL_STEP_DX * self.dx);
         let a = (1..self.dimension).fold(0, |best, a| if n[a].abs() > n[best].abs() { a } else { best });
         let layer = 1 + 2 * a as u32 + u32::from(n[a] < 0.0);
         let away = direction(layer);

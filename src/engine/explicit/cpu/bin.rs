@@ -111,7 +111,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         if !self.constants.sided {
             return self.bin();
         }
-        let setup = self.setup.clone();
+        let (setup, period) = (self.setup.clone(), self.constants.period);
         let plates = Plates::new(&setup, self.time_s);
         let old = Old::new(self.clear());
         let place = |coordinates: &[i32; D], x: [f64; D]| {
@@ -123,13 +123,15 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         };
         // Particles lie at most two cells outside their blocks.
         let (middle, around) = (0.5 * f64::from(BLOCK), (0.5 * f64::from(BLOCK) + 2.0) * (D as f64).sqrt() * setup.dx);
-        let near = |block: &Block<T, D>| plates.reach(place(&block.coordinates, [middle; D]), around);
+        // Those on a periodic seam may be on either side of the domain.
+        let folds = period.iter().any(Option::is_some);
+        let near = |block: &Block<T, D>| folds || plates.reach(place(&block.coordinates, [middle; D]), around);
         let near: Vec<bool> = old.blocks.par_iter().map(near).collect();
         self.rebin(old, |old, at| {
             let (block, chunk, l) = old.at(at);
             let x = std::array::from_fn(|a| chunk.x[a][l].to_f64());
             let is_near = near[old.chunks[at / LANES].0 as usize];
-            if is_near { plates.layer(place(&block.coordinates, x)) } else { 0 }
+            if is_near { plates.layer(setup.wrapped(place(&block.coordinates, x))) } else { 0 }
         });
     }
 

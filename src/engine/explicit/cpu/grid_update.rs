@@ -172,6 +172,7 @@ impl<T: Real, const D: usize> Grid<T, D> {
             let layers = Layers { setup, constants, tables: &self.tables, plates, nodes, volumes };
             (self.met, self.filled) = layers.join();
         }
+        let plates = constants.sided.then(|| Plates::new(setup, time_s));
         let mut room = std::mem::take(&mut self.room);
         let asked = *follows && !present.is_empty();
         room.resize(if asked { self.tables.nodes() } else { 0 }, T::ONE);
@@ -194,7 +195,9 @@ impl<T: Real, const D: usize> Grid<T, D> {
                     let free = self.free(index * nodes + local, tiles.nodes, &fall);
                     let at = At { node: i, shift: layout.shift[g], mass: free.map_or(T::ZERO, |(mass, _)| mass) };
                     if let (Some(room), false) = (&mut room, near.is_empty()) {
-                        room[local] = T::from_f64(free_share(setup, &near, layout, &at));
+                        let x = position(setup, i, at.shift);
+                        let beyond = plates.as_ref().is_some_and(|plates| plates.is_beyond(x, *field));
+                        room[local] = T::from_f64(free_share(&near, layout, setup.dx, x, beyond));
                     }
                     let Some((mass, v)) = free else { continue };
                     let v = walls.respond(D, (*field, g), i, mass, v, &mut |wall, from, to| {
@@ -352,12 +355,15 @@ fn near<'a, const D: usize>(
     present.iter().filter(|surface| surface.collider.distance(middle) <= reach + surface.collider.slack()).collect()
 }
 
-/// Share of a node's room outside colliders, as if their surfaces were planes. Grips take none: they overlap what they
-/// hold.
-fn free_share<T, const D: usize>(setup: &Setup, near: &[&Surface], layout: &Layout, at: &At<T, D>) -> f64 {
-    let x = position(setup, at.node, at.shift);
+/// Share of a node's room outside colliders, as if their surfaces were planes; of one `beyond` a plate, the nearest
+/// collider, of the room before that. Grips take none: they overlap what they hold.
+fn free_share(near: &[&Surface], layout: &Layout, dx: f64, x: [f64; 3], beyond: bool) -> f64 {
     let solid = near.iter().filter(|surface| !surface.grip);
-    solid.map(|surface| (layout.inside)(surface.collider.distance(x) / setup.dx)).product()
+    let mut distances: Vec<f64> = solid.map(|surface| surface.collider.distance(x) / dx).collect();
+    if let Some(nearest) = distances.iter_mut().min_by(|a, b| a.abs().total_cmp(&b.abs())).filter(|_| beyond) {
+        *nearest = -nearest.abs();
+    }
+    distances.into_iter().map(layout.inside).product()
 }
 
 fn collide<T: Real, const D: usize>(
