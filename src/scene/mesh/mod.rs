@@ -1,5 +1,4 @@
-//! Triangle meshes: reading them, checking whether they are closed, and sampling their signed
-//! distance.
+//! Triangle meshes: reading them, checking whether they are closed, and sampling their distance.
 
 mod bvh;
 mod filled;
@@ -9,6 +8,7 @@ mod mend;
 pub mod ply;
 mod read;
 mod sample;
+mod sheet;
 mod triangles;
 
 pub use filled::filled_volume;

@@ -119,6 +119,8 @@ pub enum Fill {
     Watertight,
     /// It may have holes: inside is where the generalized winding number is above a half (Jacobson et al. 2013).
     WindingNumber,
+    /// It is a surface without inside: a sheet of no thickness that has two sides; only for colliders.
+    Sheet,
 }
 
 fn default_axis() -> Vector {

@@ -11,7 +11,7 @@ mod union;
 
 use super::triangles::TriangleMesh;
 use duplicates::drop_duplicates;
-use edges::Edges;
+pub use edges::Edges;
 pub use nesting::Nesting;
 use orient::{agree, parts};
 use seams::close_seams;
