@@ -12,10 +12,10 @@ mod sheet;
 mod triangles;
 
 pub use filled::filled_volume;
-pub use mend::{Mended, mend};
+pub use mend::{Mended, mend, mend_sheet};
 pub use read::{format, read};
 pub use sample::{MAX_SAMPLES, Plan};
-pub use triangles::TriangleMesh;
+pub use triangles::{MeshError, TriangleMesh};
 
 #[cfg(test)]
 mod tests;
