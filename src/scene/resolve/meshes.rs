@@ -78,7 +78,7 @@ impl Resolver<'_> {
         let area: f64 = (0..mended.mesh.triangles.len()).map(|n| mended.mesh.area(n)).sum();
         if area.is_nan() || area <= 0.0 {
             let remedy = "export it anew, with triangles";
-            self.faults.add(&join(at, source.field()), "bad_mesh", "the mesh has no area".into(), remedy);
+            self.faults.add(&join(at, source.field()), "bad_mesh", "the mesh has no area", remedy);
             return None;
         }
         self.resolved.notices.extend(notices(&mended, at));
