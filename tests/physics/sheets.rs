@@ -17,12 +17,15 @@ fn problem(json: &str, folder: &Path) -> Problem {
     scene::problem_with(&scene, &Limits::default(), &files).unwrap_or_else(|faults| panic!("{faults:#?}"))
 }
 
-/// Sheets: a square, and one that is folded to a valley of 90° along y.
+/// Sheets: a square, a valley of 90° along y, and a floor with a wall along y.
 fn folder() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
     write("square.obj", "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1 2 3 4\n");
     write("valley.obj", "v -1 -1 1\nv 0 -1 0\nv 1 -1 1\nv -1 1 1\nv 0 1 0\nv 1 1 1\nf 1 2 5 4\nf 2 3 6 5\n");
+    let tray = "v -1 -1 0\nv 0 -1 0\nv 1 -1 0\nv -1 1 0\nv 0 1 0\nv 1 1 0\nv 0 -1 1\nv 0 1 1\n\
+        f 1 2 5 4\nf 2 3 6 5\nf 2 7 8 5\n";
+    write("tray.obj", tray);
     dir
 }
 
@@ -85,6 +88,40 @@ fn nothing_gets_through_from_either_side() {
     }
 }
 
+/// A paddle that turns and rises through water takes along what is before it and leaves what is behind.
+#[test]
+fn a_sheet_that_moves_lets_nothing_through() {
+    let dir = folder();
+    for (kernel, material, rise, turn) in [("compact", WATER, 0, 8.0), ("quadratic", SOLID, 5, 3.0)] {
+        let problem = problem(
+            &format!(
+                r#"{{ "gridfall": 1, "name": "paddle",
+                "domain": {{ "min": [0, 0, 0], "max": [1, 1, 1], "dx": 0.1 }},
+                "gravity": [0, 0, -9.81], "materials": {{ "m": {material} }},
+                "bodies": [ {{ "name": "b", "material": "m",
+                    "shape": {{ "box": {{ "min": [0.2, 0.2, 0.2], "max": [0.8, 0.8, 0.4] }} }} }} ],
+                "colliders": [ {{ "name": "paddle", "contact": "separate",
+                    "shape": {{ "translate": {{ "offset": [0.5, 0.5, 0.13], "shape": {{
+                        "mesh": {{ "file": "square.obj", "fill": "sheet" }} }} }} }},
+                    "motion": {{ "center": [0.5, 0.5, 0.13], "linear_velocity": [0, 0, {rise}],
+                        "angular_velocity": [0, {turn}, 0] }} }} ],
+                "time": {{ "end": 0.1, "frame_rate": 100 }},
+                "solver": {{ "kernel": "{kernel}", "integrator": "explicit" }} }}"#
+            ),
+            dir.path(),
+        );
+        let mut engine = CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
+        for frame in 1..=10 {
+            engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap();
+            let pose = problem.setup.colliders[0].motion.pose(f64::from(frame) * problem.setup.frame_s);
+            let least =
+                engine.snapshot().unwrap().x.iter().map(|x| pose.to_start(*x)[2] - 0.13).fold(f64::MAX, f64::min);
+            println!("{kernel}, frame {frame}: {:.4} cells before the paddle", least / 0.1);
+            assert!(least > 0.0, "{kernel}, frame {frame}: {least}");
+        }
+    }
+}
+
 /// What slides down one side of a valley does not slide through the other.
 #[test]
 fn a_fold_lets_nothing_through() {
@@ -117,6 +154,35 @@ fn a_fold_lets_nothing_through() {
             // Its bottom is rounded by a share of half a cell.
             assert!(least > -0.02, "{kernel} {speed} m/s, {turn}°: {least}");
         }
+    }
+}
+
+/// Nor does what falls into the corner of a floor and a wall on it, where three pieces meet.
+#[test]
+fn a_wall_on_a_floor_lets_nothing_through() {
+    let dir = folder();
+    for (kernel, material) in [("compact", WATER), ("quadratic", SOLID)] {
+        let problem = problem(
+            &format!(
+                r#"{{ "gridfall": 1, "name": "tray",
+                "domain": {{ "min": [0, 0, 0], "max": [1, 1, 1], "dx": 0.1 }},
+                "gravity": [0, 0, -9.81], "materials": {{ "m": {material} }},
+                "bodies": [ {{ "name": "b", "material": "m", "velocity": [15, 3, -15],
+                        "shape": {{ "box": {{ "min": [0.1, 0.3, 0.5], "max": [0.45, 0.7, 0.8] }} }} }} ],
+                "colliders": [ {{ "name": "tray", "contact": "separate",
+                    "shape": {{ "translate": {{ "offset": [0.63, 0.5, 0.27],
+                        "shape": {{ "mesh": {{ "file": "tray.obj", "fill": "sheet" }} }} }} }} }} ],
+                "time": {{ "end": 0.5, "frame_rate": 10 }},
+                "solver": {{ "kernel": "{kernel}", "integrator": "explicit" }} }}"#
+            ),
+            dir.path(),
+        );
+        let mut engine = CpuEngine::new(&problem.setup, problem.particles.clone()).unwrap();
+        (0..5).for_each(|_| drop(engine.advance_frame(problem.setup.frame_s, &NoControl).unwrap()));
+        let now = engine.snapshot().unwrap();
+        let least = now.x.iter().map(|x| (x[2] - 0.27).min(0.63 - x[0])).fold(f64::MAX, f64::min);
+        println!("{kernel}: {:.4} cells from the tray", least / 0.1);
+        assert!(least > 0.0, "{kernel}: {least}");
     }
 }
 

@@ -37,13 +37,13 @@ fn scene_with_sheets(kernel: &str, transfer: &str, materials: [&str; 3]) -> Prob
             "shape": { "box": { "min": [0, 0.4, 0.4], "max": [0.1, 0.5, 0.5] } } } ],
         "colliders": [
             { "name": "sheet", "contact": "separate", "friction": 0.3, "shape": { "rotate": { "axis": [1, -1, 2],
-                "angle_degrees": 25, "center": [0, 0.3, 0.4], "shape": { "translate": { "offset": [0, 0.2, 0.4],
+                "angle_degrees": 25, "center": [0.1, 0.6, 0.4], "shape": { "translate": { "offset": [0.05, 0.3, 0.45],
                 "shape": { "mesh": { "file": "sheet.obj", "fill": "sheet" } } } } } },
               "motion": { "linear_velocity": [0.3, 0.1, 0.5], "angular_velocity": [0, 1, 2],
                 "center": [0.1, 0.5, 0.5] } },
             { "name": "small", "contact": "slip", "shape": { "translate": { "offset": [0.4, 0.5, 0.8], "shape": {
                 "scale": { "factor": 0.7, "shape": { "mesh": { "file": "sheet.obj", "fill": "sheet" } } } } } } } ],
-        "time": { "end": 0.1 }, "solver": { "integrator": "explicit" } }"#,
+        "time": { "end": 1 }, "solver": { "integrator": "explicit" } }"#,
         dir.path(),
     );
     let mut problem = scene(kernel, transfer, materials);
@@ -94,6 +94,10 @@ fn stages_agree_on_random_states() {
     }
 }
 
+/// Within h/100 of a sampled face, f32 knows the normal to 1e-4 only, and what is stopped there loses
+/// its velocity along it.
+const SHEET_TOLERANCE: [f64; 8] = [1e-6, 1e-5, 1e-6, 1e-5, 1e-6, 2e-4, 1e-5, 1e-5];
+
 #[test]
 fn sheets_are_where_they_are() {
     for (seed, (kernel, transfer)) in [("compact", "mls"), ("quadratic", "apic")].into_iter().enumerate() {
@@ -101,10 +105,11 @@ fn sheets_are_where_they_are() {
         assert!(touching(&problem) > 100, "{} particles touch something", touching(&problem));
         let differences = explicit::step(&problem, &problem);
         explicit::say(&differences);
-        assert!(explicit::agrees(differences), "{kernel} {transfer}: {differences:?}");
+        let agrees = |d: [f64; 8]| d.iter().zip(SHEET_TOLERANCE).all(|(d, t)| *d <= t);
+        assert!(agrees(differences), "{kernel} {transfer}: {differences:?}");
         let mut wrong = problem.clone();
         wrong.setup.colliders[1].motion.linear_velocity[2] += 0.05;
-        assert!(!explicit::agrees(explicit::step(&wrong, &problem)), "a sheet that moves otherwise is not caught");
+        assert!(!agrees(explicit::step(&wrong, &problem)), "a sheet that moves otherwise is not caught");
     }
 }
 
@@ -160,9 +165,11 @@ fn frames_follow_the_reference() {
         }
         println!("{kernel} {transfer}, sheets {sheets}: {} steps, x v B F {d:?}, stretch {apart:?}", stats.steps);
         let holding = b.touch.iter().filter(|touch| touch.with != 0).count();
-        assert!(d[0] < 1e-4 && d[1] < 1e-3 && d[3] < 1e-3, "{d:?}");
+        // What a sheet has stopped slides on as f32 knows its normal.
+        let [far, least] = if sheets { [1e-3, 100.0] } else { [1e-4, 500.0] };
+        assert!(d[0] < far && d[1] < 1e-3 && d[3] < 1e-3, "{d:?}");
         // One that just touches may do so a step later.
-        assert!(holding > 500 && apart.0 < 1e-4 && 500 * apart.1 < holding, "{apart:?} of {holding}");
+        assert!(holding as f64 > least && apart.0 < far && 500 * apart.1 < holding, "{apart:?} of {holding}");
         let largest = reference.reactions.iter().flat_map(|r| r.force).fold(0.0f64, |a, b| a.max(b.abs()));
         let worst = stats.reactions.iter().zip(&reference.reactions).flat_map(|(a, b)| {
             (0..3).map(|k| (a.force[k] - b.force[k]).abs().max(2.0 * (a.torque[k] - b.torque[k]).abs()))

@@ -68,7 +68,8 @@ pub enum Shape {
         base: f64,
         heights: Matrix,
     },
-    /// A closed triangle mesh in metres, from an STL, OBJ, PLY or glTF (3D only). Give one of `asset` and `file`.
+    /// A closed triangle mesh in metres, or a sheet, from an STL, OBJ, PLY or glTF (3D only). Give one of `asset` and
+    /// `file`.
     Mesh {
         /// Id of an asset that was uploaded to the server: `sha256:` and 64 hexadecimal digits.
         #[serde(default, skip_serializing_if = "Option::is_none")]
