@@ -226,7 +226,7 @@ fn nothing_gets_through_a_sheet() {
             let from = sub(on, way);
             let to = std::array::from_fn(|a| on[a] + way[a]);
             if steep < 0.3
-                || name != "ribbon" && rim.iter().any(|line| to_line(on, line) < AT_RIM * SPACING)
+                || !name.ends_with("ribbon") && rim.iter().any(|line| to_line(on, line) < AT_RIM * SPACING)
                 || [from, to].iter().any(|x| bvh.nearest(*x, 0).0 < 0.9 * SPACING)
                 || field.distance(from) < 0.0
             {
@@ -241,7 +241,10 @@ fn nothing_gets_through_a_sheet() {
         }
         println!("{name}: {through} of {all} get through; of {cut} cells, {filled} are filled");
         assert!(all > 1000, "{name}: {all}");
-        // A ribbon narrower than a spacing has nothing but a rim.
-        assert!(through == 0 || name == "ribbon" && 25 * through < all, "{name}: {through} of {all} get through");
+        // A ribbon of about a spacing has little but a rim.
+        assert!(
+            through == 0 || name.ends_with("ribbon") && 25 * through < all,
+            "{name}: {through} of {all} get through"
+        );
     }
 }
