@@ -147,7 +147,10 @@ fn draw(setup: &Setup, collider: &Collider, entity: &mut SceneEntity) {
         return;
     }
     let flat = if setup.dimension == 3 { 1.0 } else { 0.0 };
-    let mesh = surface::mesh(|x| sdf.distance([x[0], x[1], flat * x[2]]), lower, upper, RESOLUTION);
+    // A sheet is drawn as a plate that no cell is too large for.
+    let longest = (0..3).map(|a| upper[a] - lower[a]).fold(0.0, f64::max);
+    let half = if sdf.is_sheet() { 0.9 * longest / RESOLUTION as f64 } else { 0.0 };
+    let mesh = surface::mesh(|x| sdf.distance([x[0], x[1], flat * x[2]]) - half, lower, upper, RESOLUTION);
     entity.triangles.push(TriangleListPrimitive {
         pose: Some(Pose {
             position: Some(vector([0.0; 3])),

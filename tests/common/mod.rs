@@ -15,6 +15,13 @@ pub fn problem(json: &str) -> Problem {
     scene::problem(&scene, &scene::Limits::default()).unwrap_or_else(|faults| panic!("{faults:#?}"))
 }
 
+/// A problem from a scene that names files of a folder.
+pub fn problem_in(json: &str, folder: &std::path::Path) -> Problem {
+    let scene = scene::parse(json).unwrap_or_else(|faults| panic!("{faults:#?}"));
+    let files = scene::assets::LocalFiles { folder: folder.to_owned() };
+    scene::problem_with(&scene, &scene::Limits::default(), &files).unwrap_or_else(|faults| panic!("{faults:#?}"))
+}
+
 /// The device that GPU tests run on: the adapter named by GRIDFALL_TEST_ADAPTER, otherwise
 /// lavapipe. A missing device is a failure, not a skip.
 pub fn gpu() -> Arc<Gpu> {

@@ -12,6 +12,7 @@ mod one_step;
 mod prescribed;
 mod problems;
 mod reactions;
+mod sheets;
 mod sides;
 mod streams;
 mod verify;

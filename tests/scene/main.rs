@@ -12,3 +12,4 @@ mod meshes;
 mod plausible;
 mod points;
 mod shapes;
+mod sheets;

@@ -12,6 +12,10 @@ const REACH = 7.2;
 /// Least half step of a normal's differences (dx): below it they are noise.
 const LEAST_STEP: f32 = 0.00390625;
 const MOST_STEPS = 256u;
+/// `touches` of a collider that has a sheet.
+const SHEET = 2u;
+/// Distance (standoffs) at which a particle that was stopped meets a sheet again.
+const AGAIN: f32 = 0.2;
 
 /// Whether some collider is near the block.
 var<workgroup> close_by: atomic<u32>;
@@ -30,10 +34,12 @@ fn count_near(item: u32, job: Work, corner: vec3<f32>, lane: u32, may: bool) -> 
     }
     workgroupBarrier();
     let middle = (corner + 2.0 + SHIFT) * params.dx;
+    // Particles of a block on a periodic seam may be on the other side of the domain.
+    let folds = any((corner + 4.0 + SHIFT > params.cells) & (params.periodic == vec3<u32>(1u)));
     for (var c = lane; c < params.colliders; c += 64u) {
         let collider = colliders[c];
         let far = REACH * params.dx + collider.slack;
-        if (collider.touches != 0u && distance_to(collider, to_local(pose_at(c, 0u), middle)) <= far) {
+        if (collider.touches != 0u && (folds || distance_to(collider, to_local(pose_at(c, 0u), middle)) <= far)) {
             atomicStore(&close_by, 1u);
         }
     }
@@ -90,7 +96,7 @@ fn meets(collider: Collider, start: vec3<f32>, end: vec3<f32>, least: f32) -> f3
     let way = end - start;
     let size = length(way);
     let first = distance_to(collider, start);
-    if (size == 0.0 || first < 0.0 || first - size > least) {
+    if (size == 0.0 || first < 0.0 || first - size > least + collider.slack) {
         return 2.0;
     }
     let trust = select(1.0, 0.5, collider.slack > 0.0);
@@ -101,7 +107,8 @@ fn meets(collider: Collider, start: vec3<f32>, end: vec3<f32>, least: f32) -> f3
         let next = min(gone + step, size);
         let here = distance_to(collider, start + (next / size) * way);
         if (here < least && here < before) {
-            return select(next, gone, before < least) / size;
+            // Where a sheet fills a cell, distances jump.
+            return select(next, gone, before < least || here < 0.0) / size;
         }
         gone = next;
         before = here;
@@ -117,19 +124,29 @@ fn stopped(slot: u32, body: Body, start: vec3<f32>, end_in: vec3<f32>, v_in: vec
     let least = STANDOFF * body.spacing;
     var end = end_in;
     var v = v_in;
-    for (var c = 0u; c < params.colliders; c++) {
+    var halted = false;
+    for (var i = 0u; i < 2u * params.colliders; i++) {
+        // What slides along a face may slide through a sheet, which has no inside to come back from.
+        let again = i >= params.colliders;
+        let c = select(i, i - params.colliders, again);
         let collider = colliders[c];
-        if (collider.touches == 0u || pose_at(c, 1u).linear.w == 0.0) {
+        let skipped = again && !(halted && collider.touches == SHEET);
+        if (skipped || collider.touches == 0u || pose_at(c, 1u).linear.w == 0.0) {
             continue;
         }
         let before = pose_at(c, 0u);
         let to = to_local(pose_at(c, 1u), end);
-        let share = meets(collider, to_local(before, start), to, least);
+        let share = meets(collider, to_local(before, start), to, select(least, AGAIN * least, again));
         if (share > 1.0) {
             continue;
         }
         let carried = start + dt * surface_velocity(before, start);
         let at = carried + share * (end - carried);
+        if (again) {
+            end = at;
+            continue;
+        }
+        halted = true;
         let there = face_at(c, at, 1u).normal;
         let along = end - min(dot(end - at, there), 0.0) * there;
         let inside = distance_to(collider, to_local(pose_at(c, 1u), along)) < 0.25 * least;
@@ -205,8 +222,11 @@ fn pressed(slot: u32, touch: ptr<function, Touch>, body: Body, x: vec3<f32>, v: 
 
 /// A particle's whole contact in a step of `dt` that takes it from y to `next` (cells in the block), and then for
 /// `kick_s`.
-fn touch_particle(slot: u32, to: u32, id: u32, corner: vec3<f32>, y: vec3<f32>, next: vec3<f32>, v: vec3<f32>, dt: f32,
+fn touch_particle(slot: u32, to: u32, id: u32, block: vec3<f32>, y: vec3<f32>, next: vec3<f32>, v: vec3<f32>, dt: f32,
         kick_s: f32) {
+    // Seen from where the particle is in the domain's own period.
+    let periods = floor((block + y + SHIFT) / params.cells);
+    let corner = block - select(vec3<f32>(0.0), periods * params.cells, params.periodic == vec3<u32>(1u));
     let body = bodies[body_of[id]];
     var touch = load_touch(id);
     let start = (corner + y + SHIFT) * params.dx;

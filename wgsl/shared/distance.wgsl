@@ -36,20 +36,34 @@ fn cone_distance(q: vec2<f32>, a: vec3<f32>) -> f32 {
     return select(away, -away, side.x < 0.0 && cap.y < 0.0);
 }
 
-/// Distance to a sampled field at a place in units of its samples. Twin: Field::distance in
+/// Sides of a cell that a sheet fills up, and half its thickness there (spacings).
+const SOLID = 0x96u;
+const FILLING = 0.8661;
+
+/// The number with the other sign if the lowest bit is 1.
+fn turned(x: f32, bit: u32) -> f32 {
+    return bitcast<f32>(bitcast<u32>(x) ^ (bit << 31u));
+}
+
+/// Distance to a sampled field at a place in units of its samples; a sheet's samples have the sides of
+/// their cell's corners in their lowest bits. Twin: DistanceField::distance in
 /// src/core/sim/collider/field.rs.
-fn grid_distance(at: vec3<f32>, spacing: f32, grid: vec4<u32>) -> f32 {
+fn grid_distance(at: vec3<f32>, spacing: f32, grid: vec4<u32>, sheet: bool) -> f32 {
     let n = grid.yzw;
     let held = clamp(at, vec3<f32>(0.0), vec3<f32>(n - 1u));
     let index = min(vec3<u32>(held), n - 2u);
     let s = held - vec3<f32>(index);
     let first = grid.x + index.x + n.x * (index.y + n.y * index.z);
+    let sides = select(0u, (bitcast<u32>(sdf_samples[first]) & 0x7fu) << 1u, sheet);
+    let filled = sides == SOLID;
     var row: array<f32, 4>;
     for (var i = 0u; i < 4u; i++) {
         let at_row = first + n.x * ((i & 1u) + n.y * (i >> 1u));
-        row[i] = mix(sdf_samples[at_row], sdf_samples[at_row + 1u], s.x);
+        let beyond = select(sides >> (2u * i), 0u, filled);
+        row[i] = mix(turned(sdf_samples[at_row], beyond), turned(sdf_samples[at_row + 1u], beyond >> 1u), s.x);
     }
-    let value = mix(mix(row[0], row[1], s.y), mix(row[2], row[3], s.y), s.z);
+    let sum = mix(mix(row[0], row[1], s.y), mix(row[2], row[3], s.y), s.z);
+    let value = select(sum, abs(sum) - select(0.0, FILLING * spacing, filled), sheet);
     let away = spacing * length(at - held);
     return select(value, length(vec2<f32>(value, away)), away > 0.0);
 }
@@ -74,7 +88,7 @@ fn primitive_distance(op: SdfOp, world: vec3<f32>) -> f32 {
         case 4u: { return x.z; } // half-space
         case 5u: { return length(vec3<f32>(x.xy, x.z - clamp(x.z, -a.y, a.y))) - a.x; } // capsule, radius and half axis
         case 6u: { return cone_distance(vec2<f32>(length(x.xy), x.z), a); } // cone, radii below and above, half height
-        default: { return grid_distance(x, a.x, op.grid); } // sampled field, distance between samples
+        default: { return grid_distance(x, a.x, op.grid, op.code == 8u); } // sampled field, distance between samples
     }
 }
 

@@ -81,13 +81,16 @@ pub fn implicit_fault(setup: &Setup) -> Option<String> {
     let damped = setup.bodies.iter().find(|body| of(body).damping() > 0.0);
     let parted = setup.bodies.iter().find(|body| pair::own(body).is_some());
     let plastic = setup.bodies.iter().find(|body| !of(body).is_elastic());
+    let sheet = setup.colliders.iter().find(|collider| collider.sdf.is_sheet());
     match (fluid, damped, plastic) {
         (Some(body), ..) => Some(format!("the fluid '{}' can run explicitly only", body.name)),
         (_, Some(body), _) => Some(format!("'{}' has damping, which explicit steps alone have", body.name)),
         (_, _, Some(body)) if setup.implicit.method == Method::Admm => {
             Some(format!("the method `admm` is for elastic materials, and that of '{}' is plastic", body.name))
         }
-        _ => parted.map(|body| format!("'{}' has contact with other bodies, which explicit runs have only", body.name)),
+        _ => parted
+            .map(|body| format!("'{}' has contact with other bodies, which explicit runs have only", body.name))
+            .or_else(|| sheet.map(|c| format!("'{}' is a sheet, which contact at nodes does not meet", c.name))),
     }
 }
 

@@ -89,7 +89,10 @@ impl Obstacle<'_> {
             let x = origin + ahead * depth;
             let d = distance(x);
             if d < 2e-4 * size {
-                let normal = if first { face } else { gradient(&distance, x, 1e-3 * size) };
+                let h = 1e-3 * size;
+                // The sides of a sheet face their own ways.
+                let near = if self.sdf.is_sheet() { x - ahead * (2.0 * h / length) } else { x };
+                let normal = if first { face } else { gradient(&distance, near, h) };
                 let world = rotate(&self.pose.rotation, [normal.x, normal.y, normal.z].map(f64::from));
                 return Some(Hit { depth, normal: V3::from(world.map(|c| c as f32)) });
             }

@@ -74,6 +74,27 @@ impl Bvh {
         (best.0.sqrt(), best.1)
     }
 
+    /// Triangles whose boxes meet the box from `lower` to `upper`: their corners and numbers in the mesh.
+    pub fn around(&self, lower: [f64; 3], upper: [f64; 3], mut met: impl FnMut(&[[f64; 3]; 3], u32)) {
+        let mut open = Vec::with_capacity(64);
+        open.push(0usize);
+        while let Some(n) = open.pop() {
+            let apart = |node: &&Node| (0..3).any(|a| node.lower[a] > upper[a] || node.upper[a] < lower[a]);
+            let Some(node) = self.nodes.get(n).filter(|node| !apart(node)) else { continue };
+            if node.count > 0 {
+                let (start, end) = (node.start as usize, (node.start + node.count) as usize);
+                self.faces[start..end].iter().for_each(|face| met(&face.corners, face.number));
+            } else {
+                open.extend([node.start as usize, n + 1]);
+            }
+        }
+    }
+
+    /// The corners of the triangle at a place in the tree.
+    pub fn corners(&self, place: usize) -> &[[f64; 3]; 3] {
+        &self.faces[place].corners
+    }
+
     /// The generalized winding number (Jacobson et al. 2013): 1 inside a closed mesh, 0 outside,
     /// and between the two near holes.
     pub fn winding(&self, x: [f64; 3]) -> f64 {

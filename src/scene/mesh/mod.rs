@@ -1,5 +1,4 @@
-//! Triangle meshes: reading them, checking whether they are closed, and sampling their signed
-//! distance.
+//! Triangle meshes: reading them, checking whether they are closed, and sampling their distance.
 
 mod bvh;
 mod filled;
@@ -9,13 +8,14 @@ mod mend;
 pub mod ply;
 mod read;
 mod sample;
+mod sheet;
 mod triangles;
 
 pub use filled::filled_volume;
-pub use mend::{Mended, mend};
+pub use mend::{Mended, mend, mend_sheet};
 pub use read::{format, read};
 pub use sample::{MAX_SAMPLES, Plan};
-pub use triangles::TriangleMesh;
+pub use triangles::{MeshError, TriangleMesh};
 
 #[cfg(test)]
 mod tests;

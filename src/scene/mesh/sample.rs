@@ -1,9 +1,10 @@
-//! A mesh's signed distance on a lattice.
+//! A mesh's distance on a lattice.
 
 use gridfall_core::sim::collider::DistanceField;
 use rayon::prelude::*;
 
 use super::bvh::Bvh;
+use super::sheet;
 use super::triangles::TriangleMesh;
 use crate::schema::Fill;
 
@@ -13,6 +14,10 @@ pub const MAX_SAMPLES: u64 = 1 << 24;
 
 /// Samples beyond the solid's bounds on each side.
 const MARGIN: f64 = 2.0;
+
+/// By how much the lattice of a sheet is out of the middle (spacings): no vertex, edge or diagonal of
+/// a drawn mesh then goes through a sample.
+const ASIDE: [f64; 3] = [0.173205, 0.223607, 0.331662];
 
 /// The lattice that a mesh will be sampled on.
 #[derive(Clone, Copy, Debug)]
@@ -50,8 +55,22 @@ impl Plan {
 
     /// Samples the mesh. For an open mesh with the winding number w, the distance u to the triangles
     /// becomes u (1 - 2w): it is ±u far from holes and crosses zero smoothly where a hole is closed.
+    ///
+    /// The samples of a sheet are distances without a sign, and the sides of cells (see [`sheet`]).
     pub fn sample(&self, mesh: &TriangleMesh, fill: Fill) -> DistanceField {
         let bvh = Bvh::new(mesh);
+        let mut plan = *self;
+        if fill == Fill::Sheet {
+            (0..3).for_each(|a| plan.origin[a] += ASIDE[a] * plan.spacing);
+        }
+        let mut field = plan.distances(&bvh, fill);
+        if fill == Fill::Sheet {
+            sheet::add_sides(&mut field, mesh, &bvh);
+        }
+        field
+    }
+
+    fn distances(&self, bvh: &Bvh, fill: Fill) -> DistanceField {
         let [nx, ny, _] = self.size;
         let mut samples = vec![0.0; self.size.iter().product()];
         samples.par_chunks_mut(nx).enumerate().for_each(|(row, samples)| {
@@ -65,6 +84,7 @@ impl Plan {
                 // Neighbouring samples have close nearest triangles.
                 let (u, nearest) = bvh.nearest(x, triangle);
                 let value = match fill {
+                    Fill::Sheet => u,
                     Fill::WindingNumber => u * (1.0 - 2.0 * bvh.winding(x).clamp(0.0, 1.0)),
                     Fill::Watertight => {
                         // No surface lies between two samples that are farther from it than from
@@ -80,6 +100,6 @@ impl Plan {
             }
         });
         let Self { origin, spacing, size, bounds } = *self;
-        DistanceField { origin, spacing, size, samples, bounds }
+        DistanceField { origin, spacing, size, samples, sheet: fill == Fill::Sheet, bounds }
     }
 }

@@ -10,7 +10,7 @@ pub(super) fn cube() -> TriangleMesh {
 }
 
 /// A ball of radius 1 about the origin, of `n` bands.
-pub(super) fn ball(n: usize) -> TriangleMesh {
+pub(in crate::mesh) fn ball(n: usize) -> TriangleMesh {
     let mut mesh = TriangleMesh { vertices: vec![[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]], ..TriangleMesh::default() };
     let pi = std::f64::consts::PI;
     for band in 1..n {

@@ -21,12 +21,16 @@ const LOST: f64 = 0.5;
 impl Resolver<'_> {
     pub(super) fn mesh(&mut self, source: Source, fill: Fill, spacing: f64, at: &str) -> Option<Arc<DistanceField>> {
         let file = source.key();
+        let is_sheet = fill == Fill::Sheet;
         let key = (file.clone(), fill, spacing.to_bits());
+        let place = join(at, source.field());
+        let file = (file, is_sheet);
         if let Some(field) = self.sampled.get(&key) {
             return Some(field.clone());
         }
         let mesh = match self.meshes.get(&file) {
             Some(mesh) => mesh.clone(),
+            None if is_sheet => self.read_sheet(source, at),
             None => self.read_mesh(source, at),
         };
         self.meshes.insert(file, mesh.clone());
@@ -44,28 +48,46 @@ impl Resolver<'_> {
                 );
                 let remedy = "close its holes (in Blender: Select Non Manifold, then Fill), \
                               or add \"fill\": \"winding-number\" to have them closed";
-                self.faults.add(at, "not_watertight", reason, remedy);
+                self.faults.add(at, "not_watertight", reason, format!("{remedy}{}", or_sheet(at)));
                 return None;
             }
         }
+        if is_sheet {
+            self.precise_sheet(&mended.mesh, spacing, &place)?;
+        }
         let field = self.sample(&mended.mesh, fill, spacing, at)?;
-        self.compare(&mended, &field, at)?;
+        if !is_sheet {
+            self.compare(&mended, &field, at)?;
+        }
         self.sampled.insert(key, field.clone());
         Some(field)
     }
 
-    fn read_mesh(&mut self, source: Source, at: &str) -> Option<Arc<Mended>> {
+    fn read(&mut self, source: Source, at: &str) -> Option<TriangleMesh> {
         let bytes = self.bytes(source, at)?;
-        let place = join(at, source.field());
-        let mesh = match mesh::read(&bytes) {
-            Ok(mesh) => mesh,
-            Err(error) => {
-                let reason = format!("the mesh cannot be used: {}", error.0);
-                let remedy = "export it anew as STL, OBJ, PLY or glTF, with triangles";
-                self.faults.add(&place, "bad_mesh", reason, remedy);
-                return None;
-            }
+        let bad = |error: mesh::MeshError| {
+            let reason = format!("the mesh cannot be used: {}", error.0);
+            let remedy = "export it anew as STL, OBJ, PLY or glTF, with triangles";
+            self.faults.add(&join(at, source.field()), "bad_mesh", reason, remedy);
         };
+        mesh::read(&bytes).map_err(bad).ok()
+    }
+
+    fn read_sheet(&mut self, source: Source, at: &str) -> Option<Arc<Mended>> {
+        let mended = mesh::mend_sheet(self.read(source, at)?);
+        let area: f64 = (0..mended.mesh.triangles.len()).map(|n| mended.mesh.area(n)).sum();
+        if area.is_nan() || area <= 0.0 {
+            let remedy = "export it anew, with triangles";
+            self.faults.add(&join(at, source.field()), "bad_mesh", "the mesh has no area", remedy);
+            return None;
+        }
+        self.resolved.notices.extend(notices(&mended, at));
+        Some(Arc::new(mended))
+    }
+
+    fn read_mesh(&mut self, source: Source, at: &str) -> Option<Arc<Mended>> {
+        let mesh = self.read(source, at)?;
+        let place = join(at, source.field());
         let room = mesh.box_volume();
         if room > 0.0 {
             // A mesh that is rounded so far may have any other fault as well, but for this reason.
@@ -74,14 +96,15 @@ impl Resolver<'_> {
         let Ok(mended) = mesh::mend(mesh) else {
             let reason = "its faces cannot agree about the outside: a way around it ends on the other side, \
                           as on a Möbius strip";
-            let remedy = "rebuild the faces there, so that they bound a solid";
+            let remedy = format!("rebuild the faces there, so that they bound a solid{}", or_sheet(at));
             self.faults.add(&place, "not_orientable", reason, remedy);
             return None;
         };
         let volume = mended.nesting.volume;
         if volume <= 0.0 {
             let reason = "the mesh encloses no volume";
-            self.faults.add(&place, "bad_mesh", reason, "give it thickness; a sheet is no solid");
+            let remedy = format!("give it thickness; a sheet is no solid{}", or_sheet(at));
+            self.faults.add(&place, "bad_mesh", reason, remedy);
             return None;
         }
         self.precise(&mended.mesh, volume, &place)?;
@@ -97,13 +120,21 @@ impl Resolver<'_> {
         }
         let coarsest = (0..3).max_by(|&a, &b| mesh.resolution[a].total_cmp(&mesh.resolution[b])).unwrap_or(0);
         let reason = format!(
-            "the file's numbers have eaten the shape: {} reaches {:.3e} m, where f32 has steps of {:.1e} m; \
-             the volume may be off by {:.0} %",
-            ["x", "y", "z"][coarsest],
-            mesh.largest()[coarsest],
-            mesh.resolution[coarsest],
+            "the file's numbers have eaten the shape: {}; the volume may be off by {:.0} %",
+            steps(mesh, coarsest),
             (100.0 * rounding / volume).min(100.0).ceil()
         );
+        let remedy = "move the model to the origin before exporting it, and to its place by `translate`; \
+                      or export OBJ, or PLY with doubles";
+        self.faults.add(at, "imprecise_mesh", reason, remedy);
+        None
+    }
+
+    /// Refuses a sheet whose faces may be off by a share of the distance between samples (m).
+    fn precise_sheet(&mut self, mesh: &TriangleMesh, spacing: f64, at: &str) -> Option<()> {
+        let coarse = (0..3).find(|&a| 0.5 * mesh.resolution[a] > TOLERATED * spacing);
+        let Some(coarsest) = coarse else { return Some(()) };
+        let reason = format!("the file's numbers are too coarse for its faces: {}", steps(mesh, coarsest));
         let remedy = "move the model to the origin before exporting it, and to its place by `translate`; \
                       or export OBJ, or PLY with doubles";
         self.faults.add(at, "imprecise_mesh", reason, remedy);
@@ -142,6 +173,20 @@ impl Resolver<'_> {
         let (pointer, code, remedy) = (at.to_owned(), code.to_owned(), remedy.to_owned());
         self.resolved.notices.push(Notice { pointer, code, reason, remedy });
     }
+}
+
+/// The remedy that colliders have, too.
+fn or_sheet(at: &str) -> &'static str {
+    if !at.starts_with("/colliders/") {
+        return "";
+    }
+    "; or add \"fill\": \"sheet\": a collider may be a sheet, which has no inside and two sides"
+}
+
+/// How coarse a mesh's numbers are along an axis.
+fn steps(mesh: &TriangleMesh, axis: usize) -> String {
+    let (name, reach) = (["x", "y", "z"][axis], mesh.largest()[axis]);
+    format!("{name} reaches {reach:.3e} m, where f32 has steps of {:.1e} m", mesh.resolution[axis])
 }
 
 /// What was mended, and what may be meant otherwise.

@@ -78,8 +78,8 @@ struct Resolver<'a> {
     faults: &'a mut Faults,
     /// Memory left for samples (bytes).
     memory_bytes: u64,
-    /// Meshes read and mended so far; none where the file is at fault.
-    meshes: HashMap<FileKey, Option<Arc<Mended>>>,
+    /// Meshes read and mended so far, as solids or as sheets; none where the file is at fault.
+    meshes: HashMap<(FileKey, bool), Option<Arc<Mended>>>,
     /// Fields of meshes sampled so far, by file, filling and spacing (as bits).
     sampled: HashMap<(FileKey, Fill, u64), Arc<DistanceField>>,
     resolved: Resolved,

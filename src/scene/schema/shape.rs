@@ -68,7 +68,8 @@ pub enum Shape {
         base: f64,
         heights: Matrix,
     },
-    /// A closed triangle mesh in metres, from an STL, OBJ, PLY or glTF (3D only). Give one of `asset` and `file`.
+    /// A closed triangle mesh in metres, or a sheet, from an STL, OBJ, PLY or glTF (3D only). Give one of `asset` and
+    /// `file`.
     Mesh {
         /// Id of an asset that was uploaded to the server: `sha256:` and 64 hexadecimal digits.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -119,6 +120,8 @@ pub enum Fill {
     Watertight,
     /// It may have holes: inside is where the generalized winding number is above a half (Jacobson et al. 2013).
     WindingNumber,
+    /// It is a surface without inside: a sheet of no thickness that has two sides; only for colliders.
+    Sheet,
 }
 
 fn default_axis() -> Vector {

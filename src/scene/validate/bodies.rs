@@ -10,7 +10,7 @@ use crate::schema::{Body, ContactKind, Sampling, Shape};
 use crate::validate::check::Check;
 use crate::validate::plausible::{SPEED, VOLUME_RATIO};
 use crate::validate::points::check_points;
-use crate::validate::shape::check_shape;
+use crate::validate::shape::check_solid;
 use crate::validate::sources::check_source;
 use crate::vectors::{determinant, length, matrix3, vector3};
 
@@ -109,7 +109,7 @@ fn check_body(check: &mut Check, at: &str, body: &Body) -> Option<u64> {
         }
     };
     let shape_at = join(at, "shape");
-    check_shape(check, &shape_at, shape);
+    check_solid(check, &shape_at, shape);
     let judged =
         check.has_grid() && check.faults.clean(&join(at, "particles_per_cell")) && check.faults.clean(&shape_at);
     if judged { count_particles(check, &shape_at, body, shape, per_axis?) } else { None }

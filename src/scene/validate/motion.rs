@@ -6,7 +6,7 @@ use crate::fault::join;
 use crate::schema::{Keyframe, Motion, Shape};
 use crate::validate::check::Check;
 use crate::validate::plausible::{PLACE, SPEED};
-use crate::validate::shape::{check_shape, direction};
+use crate::validate::shape::{check_shape, check_solid, direction};
 use crate::vectors::length;
 
 /// Judges all colliders and the grips of all bodies, which become colliders as well.
@@ -35,7 +35,7 @@ pub fn check_colliders(check: &mut Check) {
         for (n, grip) in body.grips.iter().enumerate() {
             let at = format!("/bodies/{b}/grips/{n}");
             check.name(&join(&at, "name"), &grip.name);
-            check_shape(check, &join(&at, "shape"), &grip.shape);
+            check_solid(check, &join(&at, "shape"), &grip.shape);
             motion(check, &at, grip.motion.as_ref(), &grip.shape);
             interval(check, &at, grip.from, grip.until);
         }

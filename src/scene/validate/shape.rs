@@ -3,7 +3,7 @@
 use gridfall_core::sim::collider::SDF_STACK;
 
 use crate::fault::join;
-use crate::schema::Shape;
+use crate::schema::{Fill, Shape};
 use crate::validate::check::Check;
 
 /// Most primitives and operations of one shape.
@@ -22,6 +22,36 @@ pub fn check_shape(check: &mut Check, at: &str, shape: &Shape) {
     } else if sdf.stack_depth() > SDF_STACK {
         let reason = format!("differences are nested {} deep; {SDF_STACK} is the most", sdf.stack_depth());
         check.fault(at, "too_deep", reason, "subtract the parts one after another in a single difference");
+    }
+}
+
+/// Judges a shape that is filled or held: it has no sheet.
+pub fn check_solid(check: &mut Check, at: &str, shape: &Shape) {
+    check_shape(check, at, shape);
+    let remedy = "sheets are for colliders; write `watertight` or `winding-number`, or give it thickness";
+    no_sheet(check, at, shape, "a sheet has no inside to be filled or held", remedy);
+}
+
+/// Refuses a sheet in a shape.
+fn no_sheet(check: &mut Check, at: &str, shape: &Shape, reason: &str, remedy: &str) {
+    if let Some(at) = sheet_in(at, shape) {
+        check.fault(&at, "needs_inside", reason, remedy);
+    }
+}
+
+/// The first `fill` of a shape that makes a sheet of a mesh.
+pub fn sheet_in(at: &str, shape: &Shape) -> Option<String> {
+    let at = join(at, shape.key());
+    match shape {
+        Shape::Mesh { fill: Fill::Sheet, .. } => Some(join(&at, "fill")),
+        Shape::Union(shapes) | Shape::Intersection(shapes) | Shape::Difference(shapes) => {
+            shapes.iter().enumerate().find_map(|(n, shape)| sheet_in(&join(&at, n), shape))
+        }
+        Shape::Translate { shape, .. }
+        | Shape::Rotate { shape, .. }
+        | Shape::Scale { shape, .. }
+        | Shape::Shell { shape, .. } => sheet_in(&join(&at, "shape"), shape),
+        _ => None,
     }
 }
 
@@ -86,8 +116,22 @@ fn check_part(check: &mut Check, at: &str, shape: &Shape) {
             }
             sampled(check, &at);
         }
-        Shape::Union(shapes) | Shape::Intersection(shapes) => several(check, &at, key, shapes, 1),
-        Shape::Difference(shapes) => several(check, &at, key, shapes, 2),
+        Shape::Union(shapes) => several(check, &at, key, shapes, 1),
+        Shape::Intersection(shapes) => {
+            several(check, &at, key, shapes, 1);
+            let mut sheets = shapes.iter().enumerate().filter_map(|(n, shape)| sheet_in(&join(&at, n), shape));
+            if let (Some(_), Some(at)) = (sheets.next(), sheets.next()) {
+                let remedy = "unite them, or give one of them an inside";
+                check.fault(&at, "needs_inside", "two sheets have no more than a line in common", remedy);
+            }
+        }
+        Shape::Difference(shapes) => {
+            several(check, &at, key, shapes, 2);
+            for (n, shape) in shapes.iter().enumerate().skip(1) {
+                let remedy = "list the sheet first to cut it, or give it an inside";
+                no_sheet(check, &join(&at, n), shape, "a sheet has no inside to be taken away", remedy);
+            }
+        }
         Shape::Translate { offset, shape } => {
             check.vector(&field("offset"), offset);
             check_part(check, &field("shape"), shape);
@@ -117,6 +161,8 @@ fn check_part(check: &mut Check, at: &str, shape: &Shape) {
         Shape::Shell { thickness, shape } => {
             check.positive(&field("thickness"), *thickness, "the thickness");
             check_part(check, &field("shape"), shape);
+            let reason = "a shell lies inside its shape, and a sheet has no inside";
+            no_sheet(check, &field("shape"), shape, reason, "take the shell out: a sheet has two sides by itself");
         }
     }
 }

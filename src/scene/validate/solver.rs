@@ -1,10 +1,12 @@
 //! Meaning of the solver's settings, and whether they suit the materials.
 
 use gridfall_core::sim::settings::Method;
+use gridfall_core::sim::setup::ContactAt;
 
 use crate::fault::join;
 use crate::schema::{Body, ContactKind, Implicit, Integrator, Material, Scene, Solver};
 use crate::validate::check::Check;
+use crate::validate::shape::sheet_in;
 
 /// Largest tolerance. Beyond it, the error of a step's velocities is as large as their change.
 const MAX_TOLERANCE: f64 = 1e-2;
@@ -24,6 +26,21 @@ pub fn check_solver(check: &mut Check, solver: &Solver) {
     if solver.integrator == Integrator::Implicit {
         check_materials(check, solver.implicit.method);
         check_contact(check);
+    }
+    check_sheets(check, solver);
+}
+
+/// A sheet has no inside, and nodes meet the inside of colliders only.
+fn check_sheets(check: &mut Check, solver: &Solver) {
+    let scene = check.scene;
+    let Some(sheet) = scene.colliders.iter().find(|c| sheet_in("", &c.shape).is_some()) else { return };
+    let reason =
+        |why: &str| format!("the collider '{}' is a sheet, which particles meet and nodes do not{why}", sheet.name);
+    if solver.integrator == Integrator::Implicit {
+        let remedy = "write `explicit` or `auto`, or give the mesh thickness";
+        check.fault("/solver/integrator", "unsupported", reason(": implicit steps have contact at nodes only"), remedy);
+    } else if solver.contact == ContactAt::Nodes {
+        check.fault("/solver/contact", "unsupported", reason(""), "write `particles`, or give the mesh thickness");
     }
 }
 

@@ -9,7 +9,7 @@ use crate::schema::{self, Sampling};
 use crate::validate::check::Check;
 use crate::validate::motion::interval;
 use crate::validate::plausible::SPEED;
-use crate::validate::shape::check_shape;
+use crate::validate::shape::check_solid;
 use crate::vectors::vector3;
 
 /// Most lattice points that are tested for one source, over all frames.
@@ -44,7 +44,7 @@ pub fn check_source(check: &mut Check, at: &str, source: &schema::Source, most: 
         check.fault(&join(at, "sampling"), "unsupported", "a source emits a regular stream", "write `regular`");
     }
     let shape_at = join(at, "shape");
-    check_shape(check, &shape_at, &source.shape);
+    check_solid(check, &shape_at, &source.shape);
     if !(check.has_grid() && check.faults.clean(at) && check.faults.clean("/time")) {
         return None;
     }

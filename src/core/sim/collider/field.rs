@@ -1,5 +1,19 @@
-//! Sampled signed distances: solids without a closed form, as values on a lattice with trilinear
-//! interpolation.
+//! Sampled signed distances: solids and sheets without a closed form, as values on a lattice with
+//! trilinear interpolation.
+
+/// Lowest bits of a sheet's sample, which say the sides of a cell's corners.
+const SIDES: u32 = 0x7f;
+
+/// Sides of a cell that a sheet goes through in a way that eight corners cannot tell: it is filled up.
+/// They alternate from corner to corner, as those of no other cell do.
+pub const SOLID: u8 = 0b1001_0110;
+
+/// Half the thickness of a sheet where it fills a cell, in spacings: no point of a cell has an
+/// interpolated distance larger than its own by more than √¾.
+pub const FILLING: f64 = 0.8661;
+
+/// The least sample of a sheet (m): bits of smaller numbers may be lost on GPUs.
+const LEAST: f32 = 1e-30;
 
 /// A signed distance field on a lattice in its own frame. The solid lies inside the lattice's box,
 /// away from its faces.
@@ -13,8 +27,10 @@ pub struct DistanceField {
     pub spacing: f64,
     /// Samples along each axis.
     pub size: [usize; 3],
-    /// Distances (m), negative inside; x runs fastest.
+    /// Distances (m), negative inside; x runs fastest. Those of a sheet are made by [`sided`].
     pub samples: Vec<f32>,
+    /// It is a surface without inside.
+    pub sheet: bool,
     /// A box around the solid, lower then upper corner (m); infinite along z in 2D.
     pub bounds: [[f64; 3]; 2],
 }
@@ -23,6 +39,10 @@ impl DistanceField {
     /// Signed distance at a point (m). Inside the lattice's box it is trilinear. Outside it is
     /// sqrt(e² + d²), with e the distance to the box and d the value at the nearest point of the
     /// box. No point of the solid is nearer than that, because the box is convex.
+    ///
+    /// The distance to a sheet is never negative, and has a kink there that no interpolation meets.
+    /// In cells that the sheet goes through, the corners on one side of it count as negative, and
+    /// the interpolated value without its sign is the distance.
     pub fn distance(&self, x: [f64; 3]) -> f64 {
         let (mut index, mut share, mut away) = ([0; 3], [0.0; 3], 0.0);
         for a in 0..3 {
@@ -36,6 +56,9 @@ impl DistanceField {
             index[a] = (held as usize).min(self.size[a] - 2);
             share[a] = held - index[a] as f64;
         }
+        let first = index[0] + self.size[0] * (index[1] + self.size[1] * index[2]);
+        let sides = if self.sheet { sides(self.samples[first]) } else { 0 };
+        let filled = sides == SOLID;
         let value = |corner: usize| -> f64 {
             let (mut at, mut stride, mut weight) = (0, 1, 1.0);
             for a in 0..3 {
@@ -45,22 +68,28 @@ impl DistanceField {
                 at += stride * (index[a] + upper).min(self.size[a] - 1);
                 stride *= self.size[a];
             }
-            weight * f64::from(self.samples[at])
+            let beyond = sides >> corner & 1 == 1 && !filled;
+            weight * f64::from(if beyond { -self.samples[at] } else { self.samples[at] })
         };
         let value: f64 = (0..8).map(value).sum();
+        let value = if self.sheet { value.abs() - if filled { FILLING * self.spacing } else { 0.0 } } else { value };
         if away == 0.0 { value } else { value.hypot(self.spacing * away.sqrt()) }
     }
 
     /// By how much the field may differ between two points beyond their distance (m). An
     /// interpolated value is a mean of exact ones, so it is off by no more than the mean distance
-    /// to their places, at most √¾ of the spacing. Two values differ by twice that.
+    /// to their places, at most √¾ of the spacing. Two values differ by twice that. In a cell that a
+    /// sheet goes through, a value may be too small by the cell's diagonal.
     pub fn slack(&self) -> f64 {
-        3f64.sqrt() * self.spacing
+        3f64.sqrt() * if self.sheet { 1.5 } else { 1.0 } * self.spacing
     }
 
     /// Half of the solid's least thickness along an axis (m), as far as samples tell: from ridges of the distance,
     /// where it grows to both sides.
     pub fn half_thickness(&self) -> f64 {
+        if self.sheet {
+            return 0.0;
+        }
         let strides = [1, self.size[0], self.size[0] * self.size[1]];
         let depth = |k: usize| f64::from(self.samples[k]);
         let is_ridge = |k: usize, a: usize| {
@@ -76,6 +105,27 @@ impl DistanceField {
     pub fn bytes(&self) -> u64 {
         size_of_val(self.samples.as_slice()) as u64
     }
+}
+
+/// A sheet's sample for the distance `u` (m), with the sides of the cell whose lowest corner it is: bit
+/// k is for the corner at upper x, y, z where bits 0, 1, 2 of k are 1. Corner 0 has bit 0, and none
+/// has another where no sheet goes through. The distance is off by at most 1/131072 of itself.
+pub fn sided(u: f32, sides: u8) -> f32 {
+    let bits = u.max(LEAST).to_bits();
+    let marked = bits & !SIDES | u32::from(sides >> 1);
+    // The nearest number that ends so.
+    let off = i64::from(marked) - i64::from(bits);
+    let step = SIDES + 1;
+    f32::from_bits(match off {
+        65.. => marked - step,
+        ..-64 => marked + step,
+        _ => marked,
+    })
+}
+
+/// The sides of the cell whose lowest corner has this sample.
+pub fn sides(sample: f32) -> u8 {
+    (sample.to_bits() << 1) as u8
 }
 
 impl std::fmt::Debug for DistanceField {
@@ -96,7 +146,7 @@ mod tests {
             (x.iter().map(|a| a * a).sum::<f64>().sqrt() - 0.4) as f32
         };
         let samples = (0..size[0] * size[1] * size[2]).map(sample).collect();
-        DistanceField { origin, spacing, size, samples, bounds: [[-0.4; 3], [0.4; 3]] }
+        DistanceField { origin, spacing, size, samples, sheet: false, bounds: [[-0.4; 3], [0.4; 3]] }
     }
 
     #[test]
@@ -125,6 +175,38 @@ mod tests {
             let i = [k % 15, k / 15 % 13, k / (15 * 13)];
             let x = std::array::from_fn(|a| field.origin[a] + i[a] as f64 * field.spacing);
             assert!((field.distance(x) - f64::from(*sample)).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_sample_keeps_its_distance_and_its_sides() {
+        for sides in (0..=254).step_by(2) {
+            for u in [0.0, 1e-20, 0.1, 0.99999994, 1.0, 123.456] {
+                let sample = sided(u, sides);
+                assert_eq!(super::sides(sample), sides);
+                assert!((sample - u).abs() <= u / 131_072.0 + 1e-29, "{sample} for {u}");
+            }
+        }
+    }
+
+    /// The square |x| < 1 in the plane z = 0.3 of a lattice of whole numbers.
+    #[test]
+    fn a_sheet_lies_between_its_samples() {
+        let u = |k: usize| (k / 64) as f32 - 1.3;
+        let sides = |k: usize| if k / 64 == 1 { 0xf0 } else { 0 };
+        let samples = (0..256).map(|k| sided(u(k).abs(), sides(k))).collect();
+        let field = DistanceField {
+            origin: [-4.0, -4.0, -1.0],
+            spacing: 1.0,
+            size: [8, 8, 4],
+            samples,
+            sheet: true,
+            bounds: [[-4.0, -4.0, -0.7], [4.0, 4.0, 1.3]],
+        };
+        for k in 0..=30 {
+            let z = f64::from(k) * 0.1 - 1.0;
+            let d = field.distance([0.3, -0.7, z]);
+            assert!((d - (z - 0.3).abs()).abs() < 1e-5, "{d} at {z}");
         }
     }
 }

@@ -4,7 +4,7 @@ mod field;
 mod motion;
 mod sdf;
 
-pub use field::DistanceField;
+pub use field::{DistanceField, FILLING, SOLID, sided, sides};
 pub use motion::{Instant, Keyframe, Motion, Pose, TIME_TIE_S};
 pub use sdf::{FLAT_HALF_EXTENT, Primitive, SDF_STACK, Sdf, SdfOp, axis_angle, rotate, rotate_back};
 
@@ -70,6 +70,11 @@ impl Placed<'_> {
         self.sdf.slack()
     }
 
+    /// Whether some of it is a surface without inside.
+    pub fn is_sheet(&self) -> bool {
+        self.sdf.is_sheet()
+    }
+
     /// Velocity (m/s) of the obstacle at a point in space; over a step, the secant of its path. The
     /// tangent would take what turns with it outwards, a little in every step.
     pub fn velocity_at(&self, x: [f64; 3]) -> [f64; 3] {
@@ -118,19 +123,20 @@ impl Placed<'_> {
         let [from, to] = [self.motion.pose.to_start(from), then.motion.pose.to_start(to)];
         let way: [f64; 3] = std::array::from_fn(|a| to[a] - from[a]);
         let length = (way[0] * way[0] + way[1] * way[1] + way[2] * way[2]).sqrt();
-        let first = self.sdf.distance(from);
-        if length == 0.0 || first < 0.0 || first - length > least {
+        let (first, slack) = (self.sdf.distance(from), self.sdf.slack());
+        if length == 0.0 || first < 0.0 || first - length > least + slack {
             return None;
         }
         // Distances of sampled shapes may change faster than the distance moved.
-        let trust = if self.sdf.slack() > 0.0 { 0.5 } else { 1.0 };
+        let trust = if slack > 0.0 { 0.5 } else { 1.0 };
         let (mut gone, mut before) = (0.0, first);
         while gone < length {
             let step = (trust * before - 0.5 * least).max(0.5 * before).max(1e-3 * least);
             let next = (gone + step).min(length);
             let here = self.sdf.distance(std::array::from_fn(|a| from[a] + next / length * way[a]));
             if here < least && here < before {
-                return Some(if before < least { gone } else { next } / length);
+                // Where a sheet fills a cell, distances jump.
+                return Some(if before < least || here < 0.0 { gone } else { next } / length);
             }
             (gone, before) = (next, here);
         }

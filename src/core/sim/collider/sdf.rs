@@ -181,6 +181,11 @@ impl Sdf {
         })
     }
 
+    /// Whether some of it is a surface without inside.
+    pub fn is_sheet(&self) -> bool {
+        self.fields().any(|(field, _)| field.sheet)
+    }
+
     /// By how much two distances may differ beyond the distance between their points (m). It is 0
     /// without sampled primitives.
     pub fn slack(&self) -> f64 {

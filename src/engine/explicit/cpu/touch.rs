@@ -9,8 +9,12 @@ use super::tile::{BLOCK, SLACK};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::collider::{NORMAL_STEP_DX, Placed, rotate, rotate_back};
 use gridfall_core::sim::reaction::{self, Reaction, WALLS};
-use gridfall_core::sim::setup::{Contact, ContactAt, Setup};
+use gridfall_core::sim::setup::{Axis, Contact, ContactAt, Setup};
 use gridfall_core::sim::touch::{BONDED, Face, LEAST_STEP_DX, STANDOFF, Springs, Touch};
+
+/// Distance, as a share of the standoff, at which a particle that was stopped meets a sheet again; it
+/// stands farther from the face that has stopped it.
+const AGAIN: f64 = 0.2;
 
 /// A collider that acts on particles, before a step and after it.
 pub struct Surface<'a> {
@@ -29,6 +33,12 @@ impl Surface<'_> {
     /// A point (m) that moves with the collider, after the step.
     fn carried(&self, x: [f64; 3]) -> [f64; 3] {
         self.after.motion.pose.to_space(self.before.motion.pose.to_start(x))
+    }
+
+    /// The point after a share of the way from `start`, seen from the collider, to `end`.
+    fn on_the_way(&self, [start, end]: [[f64; 3]; 2], share: f64) -> [f64; 3] {
+        let carried = self.carried(start);
+        std::array::from_fn(|a| carried[a] + share * (end[a] - carried[a]))
     }
 
     /// The face at a particle at `x` (m), after the step; `distance` is the particle's.
@@ -99,13 +109,25 @@ impl<'a> Contacts<'a> {
         }
         // What strays and what surfaces move is within a cell each.
         let reach = (0.5 * f64::from(BLOCK) + 0.25 + f64::from(SLACK)) * (D as f64).sqrt() + 2.0;
-        let is_near = |s: &&Surface| s.before.distance(middle) <= reach * setup.dx + s.before.slack();
+        // Particles of a block on a periodic seam may be on the other side of the domain.
+        let folds = (0..D).any(|a| {
+            let first = BLOCK * block[a] - SLACK;
+            setup.axes[a] == Axis::Periodic && (first < 0 || first + BLOCK + 2 * SLACK + 1 > setup.cells[a] as i32)
+        });
+        let is_near = |s: &&Surface| folds || s.before.distance(middle) <= reach * setup.dx + s.before.slack();
         let near: Vec<_> = surfaces.iter().filter(is_near).collect();
         (!near.is_empty()).then_some(Self { setup, springs, near, corner })
     }
 
-    fn place<T: Real, const D: usize>(&self, x: &[Lanes<T>; D], l: usize) -> [f64; 3] {
-        let mut place = self.corner;
+    /// The block's node 0 (m), seen from where a particle is in the domain's own period.
+    fn corner<T: Real, const D: usize>(&self, x: &[Lanes<T>; D], l: usize) -> [f64; 3] {
+        let unfolded = self.place(self.corner, x, l);
+        let folded = self.setup.wrapped(unfolded);
+        std::array::from_fn(|a| self.corner[a] + (folded[a] - unfolded[a]))
+    }
+
+    fn place<T: Real, const D: usize>(&self, corner: [f64; 3], x: &[Lanes<T>; D], l: usize) -> [f64; 3] {
+        let mut place = corner;
         for a in 0..D {
             place[a] += self.setup.dx * x[a][l].to_f64();
         }
@@ -135,11 +157,22 @@ impl<'a> Contacts<'a> {
         let springs = &self.springs[chunk.body as usize];
         let Some(mut touches) = chunk.touch.take() else { return };
         for l in 0..chunk.count {
-            let (start, mut end) = (self.place(from, l), self.place(&chunk.x, l));
+            let corner = self.corner(from, l);
+            let (start, mut end) = (self.place(corner, from, l), self.place(corner, &chunk.x, l));
+            let least = STANDOFF * springs.spacing;
+            let mut stopped = false;
             for surface in &self.near {
-                if let Some(share) = surface.before.meets(&surface.after, start, end, STANDOFF * springs.spacing) {
+                if let Some(share) = surface.before.meets(&surface.after, start, end, least) {
                     end = self.stop(surface, [start, end], share, springs);
-                    self.check(surface, chunk, l, [start, end], mass, dt, taken);
+                    self.check(surface, chunk, l, corner, [start, end], mass, dt, taken);
+                    stopped = true;
+                }
+            }
+            // What slides along a face may slide through a sheet, which has no inside to come back from.
+            for surface in self.near.iter().filter(|surface| stopped && surface.after.is_sheet()) {
+                if let Some(share) = surface.before.meets(&surface.after, start, end, AGAIN * least) {
+                    end = surface.on_the_way([start, end], share);
+                    self.put(chunk, l, corner, end);
                 }
             }
             let touch = &mut touches[l];
@@ -161,12 +194,17 @@ impl<'a> Contacts<'a> {
 
     /// Where a particle ends that meets a face after a `share` of its way: it slides along the face.
     fn stop(&self, surface: &Surface, [start, end]: [[f64; 3]; 2], share: f64, springs: &Springs) -> [f64; 3] {
-        let carried = surface.carried(start);
-        let at: [f64; 3] = std::array::from_fn(|a| carried[a] + share * (end[a] - carried[a]));
+        let at = surface.on_the_way([start, end], share);
         let n = surface.face(at, surface.after.distance(at), self.setup.dx).normal;
         let inward = (0..3).map(|a| (end[a] - at[a]) * n[a]).sum::<f64>().min(0.0);
         let along: [f64; 3] = std::array::from_fn(|a| end[a] - inward * n[a]);
         if surface.after.distance(along) < 0.25 * STANDOFF * springs.spacing { at } else { along }
+    }
+
+    fn put<T: Real, const D: usize>(&self, chunk: &mut Chunk<T, D>, l: usize, corner: [f64; 3], x: [f64; 3]) {
+        for a in 0..D {
+            chunk.x[a][l] = T::from_f64((x[a] - corner[a]) / self.setup.dx);
+        }
     }
 
     /// Puts a particle where it was stopped, without the velocity that takes it there again.
@@ -176,6 +214,7 @@ impl<'a> Contacts<'a> {
         surface: &Surface,
         chunk: &mut Chunk<T, D>,
         l: usize,
+        corner: [f64; 3],
         [start, end]: [[f64; 3]; 2],
         mass: f64,
         dt: f64,
@@ -184,8 +223,8 @@ impl<'a> Contacts<'a> {
         let n = surface.face(end, surface.after.distance(end), self.setup.dx).normal;
         let carried = surface.carried(start);
         let inward = (0..D).map(|a| (chunk.v[a][l].to_f64() - (carried[a] - start[a]) / dt) * n[a]).sum::<f64>();
+        self.put(chunk, l, corner, end);
         for a in 0..D {
-            chunk.x[a][l] = T::from_f64((end[a] - self.corner[a]) / self.setup.dx);
             chunk.v[a][l] -= T::from_f64(inward.min(0.0) * n[a]);
         }
         taken.take(self.setup, surface, n.map(|n| mass * inward.min(0.0) * n), end);
@@ -203,7 +242,7 @@ impl<'a> Contacts<'a> {
         let Some(mut touches) = chunk.touch.take() else { return };
         for l in 0..chunk.count {
             let touch = &mut touches[l];
-            let x = self.place(&chunk.x, l);
+            let x = self.place(self.corner(&chunk.x, l), &chunk.x, l);
             self.meet(x, springs, touch);
             let mut v = [0.0; 3];
             for a in 0..D {

@@ -5,7 +5,7 @@ use crate::gpu::Gpu;
 use crate::gpu::memory::{Memory, Size, storage};
 use gridfall_core::material::Law;
 use gridfall_core::material::parameters::Elasticity;
-use gridfall_core::sim::collider::{Collider, Primitive, SdfOp};
+use gridfall_core::sim::collider::{Collider, Primitive, SdfOp, sided, sides};
 use gridfall_core::sim::reaction::WALLS;
 use gridfall_core::sim::setup::{Body, Contact, ContactAt, ContactKind, Material, Setup};
 use gridfall_core::sim::timestep::demands_at_rest_1_s2;
@@ -54,7 +54,10 @@ impl SceneData {
                 kind: contact_code(c.contact),
                 friction: c.contact.friction as f32,
                 slack: c.sdf.slack() as f32,
-                touches: u32::from(setup.contact_at == ContactAt::Particles && !c.grip),
+                touches: match setup.contact_at {
+                    ContactAt::Particles if !c.grip => 1 + u32::from(c.sdf.is_sheet()),
+                    _ => 0,
+                },
                 ..layout::Collider::default()
             });
             let samples = &mut data.sdf_samples;
@@ -152,8 +155,14 @@ fn sdf_op(op: &SdfOp, origin: [f64; 3], samples: &mut Vec<f32>) -> layout::SdfOp
                     (corner, unit) = (field.origin.map(|x| scale * x), scale * field.spacing);
                     let [x, y, z] = field.size.map(|n| n as u32);
                     grid = [samples.len() as u32, x, y, z];
-                    samples.extend(field.samples.iter().map(|d| (scale * f64::from(*d)) as f32));
-                    (7, small([unit, 0.0, 0.0]))
+                    let scaled = |d: &f32| (scale * f64::from(*d)) as f32;
+                    if field.sheet {
+                        samples.extend(field.samples.iter().map(|d| sided(scaled(d), sides(*d))));
+                        (8, small([unit, 0.0, 0.0]))
+                    } else {
+                        samples.extend(field.samples.iter().map(scaled));
+                        (7, small([unit, 0.0, 0.0]))
+                    }
                 }
             };
             // local = (R (x + origin - t) - corner) / unit for x relative to the domain.

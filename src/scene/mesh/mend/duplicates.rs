@@ -9,6 +9,20 @@ use crate::mesh::triangles::TriangleMesh;
 /// with one of them left, more edges would have an odd number of triangles. Returns how many went.
 pub fn drop_duplicates(mesh: &mut TriangleMesh) -> usize {
     let before = mesh.triangles.len();
+    let double = leave_one(mesh);
+    if !double.contains(&true) {
+        return 0;
+    }
+    let useless = useless(mesh, &double);
+    let mut n = 0..;
+    mesh.triangles.retain(|_| !useless[n.next().unwrap_or(0)]);
+    before - mesh.triangles.len()
+}
+
+/// Leaves one of all triangles with the same three vertices. Returns which of those left were there
+/// more than once.
+pub fn leave_one(mesh: &mut TriangleMesh) -> Vec<bool> {
+    let before = mesh.triangles.len();
     let key = |t: &[u32; 3]| {
         let mut key = *t;
         key.sort_unstable();
@@ -18,16 +32,9 @@ pub fn drop_duplicates(mesh: &mut TriangleMesh) -> usize {
     order.sort_unstable_by_key(|&n| (key(&mesh.triangles[n as usize]), n));
     let groups = order.chunk_by(|&a, &b| key(&mesh.triangles[a as usize]) == key(&mesh.triangles[b as usize]));
     let mut kept: Vec<(u32, bool)> = groups.map(|group| (group[0], group.len() > 1)).collect();
-    if kept.len() == before {
-        return 0;
-    }
     kept.sort_unstable();
     mesh.triangles = kept.iter().map(|&(n, _)| mesh.triangles[n as usize]).collect();
-    let double: Vec<bool> = kept.iter().map(|&(_, double)| double).collect();
-    let useless = useless(mesh, &double);
-    let mut n = 0..;
-    mesh.triangles.retain(|_| !useless[n.next().unwrap_or(0)]);
-    before - mesh.triangles.len()
+    kept.iter().map(|&(_, double)| double).collect()
 }
 
 /// Which of the triangles that were there more than once bound nothing.

@@ -10,8 +10,8 @@ mod seams;
 mod union;
 
 use super::triangles::TriangleMesh;
-use duplicates::drop_duplicates;
-use edges::Edges;
+use duplicates::{drop_duplicates, leave_one};
+pub use edges::Edges;
 pub use nesting::Nesting;
 use orient::{agree, parts};
 use seams::close_seams;
@@ -46,6 +46,16 @@ pub fn mend(mut mesh: TriangleMesh) -> Result<Mended, NotOrientable> {
     let nesting = nesting::settle(&mut mesh, &parts);
     let open = Edges::new(&mesh).open();
     Ok(Mended { mesh, duplicates, seams, faces, parts: parts.len(), nesting, open })
+}
+
+/// Mends a welded mesh that is a sheet: without an inside, nothing of it is turned.
+pub fn mend_sheet(mut mesh: TriangleMesh) -> Mended {
+    let before = mesh.triangles.len();
+    leave_one(&mut mesh);
+    let duplicates = before - mesh.triangles.len();
+    let seams = close_seams(&mut mesh);
+    let open = Edges::new(&mesh).open();
+    Mended { mesh, duplicates, seams, faces: 0, parts: 1, nesting: Nesting::default(), open }
 }
 
 #[cfg(test)]
