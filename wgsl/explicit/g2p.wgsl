@@ -83,7 +83,7 @@ fn main(
             g.v += touched_kick(to);
         }
         var next = advance(corner, y, at, g, before, body, id, params.end_dt, &principal);
-        if (next.ok && !accompanied && is_alone(y, body.mass)) {
+        if (next.ok && params.resets != 0u && !accompanied && is_alone(y, body.mass)) {
             atomicAdd(&report.isolated, 1u);
             next.state.F = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
             next.state.J = 1.0;

@@ -63,7 +63,7 @@ fn finish(at: u32, n: vec3<i32>, grid: u32, node: vec4<f32>, slot: u32) {
 fn walls_of_axis(group: Group, a: u32, first: u32, slot: u32) {
     let bit = group.bits[a];
     let wall = group.walls[a];
-    for (var k = 0u; k < MOST_IMAGES; k++) {
+    for (var k = 0u; k <= group.all; k++) {
         if ((k & ~group.all) != 0u) {
             continue;
         }
@@ -95,7 +95,7 @@ fn update(slot: u32, lane: u32) {
         if (!group.owned) {
             continue;
         }
-        for (var k = 0u; k < MOST_IMAGES; k++) {
+        for (var k = 0u; k <= group.all; k++) {
             if ((k & ~group.all) == 0u) {
                 let at = place_of(first_block, image_node(group, k), image_grid(group, k));
                 images[first + k] = vec4<f32>(0.0);
@@ -107,7 +107,7 @@ fn update(slot: u32, lane: u32) {
         for (var a = 0u; a < 3u; a++) {
             walls_of_axis(group, a, first, slot);
         }
-        for (var k = 0u; k < MOST_IMAGES; k++) {
+        for (var k = 0u; k <= group.all; k++) {
             if ((k & ~group.all) == 0u) {
                 let m = image_node(group, k);
                 let at = place_of(first_block, m, image_grid(group, k));

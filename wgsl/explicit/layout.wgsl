@@ -38,7 +38,7 @@ struct Params {
     end_dt: f32,             // time over which the frame's last g2p moves particles (s)
     fields: u32,             // layers of the block table: bodies with contact of their own, and one; or sides
     sided: u32,              // 1 if layers are sides of plates
-    spare2: u32,
+    resets: u32,             // 1 if g2p resets particles that are alone
     walls: array<vec4<f32>, 6>, // x-, x+, y-, y+, z-, z+: contact kind, friction, unused, unused
     contacts: array<vec4<f32>, MOST_FIELDS>, // by field: contact kind, friction, kg of a full node, unused
 }

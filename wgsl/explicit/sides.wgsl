@@ -3,6 +3,9 @@
 //
 // uses explicit/beyond, explicit/move
 
+/// How much larger than others the component of a normal is that gives the axis of a side.
+const CLEARLY: f32 = 1.001;
+
 fn side_of(x: vec3<f32>) -> u32 {
     let nearest = nearest_plate(x);
     let distance = nearest.distance / params.dx;
@@ -13,8 +16,9 @@ fn side_of(x: vec3<f32>) -> u32 {
     // Differences across a thin plate are short, but have the right direction.
     let n = surface_normal(colliders[nearest.c], pose, to_local(pose, x), NORMAL_STEP * params.dx);
     let s = abs(n);
-    var a = select(0u, 1u, s.y > s.x);
-    a = select(a, 2u, s.z > max(s.x, s.y));
+    let second = s.y > CLEARLY * s.x;
+    let third = s.z > CLEARLY * select(s.x, s.y, second);
+    let a = select(select(0u, 1u, second), 2u, third);
     let along = select(select(n.x, n.y, a == 1u), n.z, a == 2u);
     let layer = 1u + 2u * a + select(0u, 1u, along < 0.0);
     let away = side_direction(layer);

@@ -31,6 +31,10 @@ pub const FREE_DX: f64 = REACH_DX + 3.0;
 /// Distance below which a place is in a plate (dx); twice that is the least step in which plates are looked for.
 pub const TOUCHING_DX: f64 = 1.0 / 16.0;
 
+/// How much larger than others the component of a normal is that gives the axis of a side: at 45°, rounding does not
+/// decide.
+pub const CLEARLY: f64 = 1.001;
+
 /// Of the faces of a plate that a node is inside of, how much nearer that of negative sides must be to be its own (dx):
 /// nodes on the middle have a side, and rounding does not decide which.
 pub const TIE_DX: f64 = 1.0 / 32.0;
@@ -113,7 +117,8 @@ impl<'a> Plates<'a> {
         }
         // Differences across a thin plate are short, but have the right direction.
         let n = nearest.normal(x, NORMAL_STEP_DX * self.dx);
-        let a = (1..self.dimension).fold(0, |best, a| if n[a].abs() > n[best].abs() { a } else { best });
+        let larger = |a: usize, best: usize| n[a].abs() > CLEARLY * n[best].abs();
+        let a = (1..self.dimension).fold(0, |best, a| if larger(a, best) { a } else { best });
         let layer = 1 + 2 * a as u32 + u32::from(n[a] < 0.0);
         let away = direction(layer);
         // Not from the plate itself, where particles that are pressed on it are.

@@ -122,8 +122,13 @@ impl Engine for CpuEngine {
             done += 1;
             let last = done == plan.steps;
             kick_s = if last && staggered { 0.5 * plan.dt_s } else { plan.dt_s };
-            let moved =
-                if last && !staggered { self.stages.g2p(plan.dt_s) } else { self.stages.g2p2g(plan.dt_s, kick_s) };
+            until_asked = until_asked.saturating_sub(1);
+            let part = sided && !last && until_asked == 0;
+            let moved = match () {
+                _ if last && !staggered => self.stages.g2p(plan.dt_s),
+                _ if part => self.stages.end_part(plan.dt_s),
+                _ => self.stages.g2p2g(plan.dt_s, kick_s),
+            };
             self.step += 1;
             self.time_s = if last { start_s + frame_s } else { from_s + done as f64 * plan.dt_s };
             self.check(&moved)?;
@@ -146,8 +151,7 @@ impl Engine for CpuEngine {
             let too_long = moved.max_speed_m_s * plan.dt_s > self.setup.cfl * self.setup.dx
                 || moved.growing
                 || moved.demand_1_s2 * plan.dt_s * plan.dt_s > REPLAN_DEMAND;
-            until_asked = until_asked.saturating_sub(1);
-            let asked = sided && (too_long || until_asked == 0);
+            let asked = part || sided && too_long;
             let extremes = if too_long || asked { self.stages.extremes() } else { Extremes::default() };
             if too_long {
                 from_s = self.time_s;
@@ -160,7 +164,8 @@ impl Engine for CpuEngine {
             }
             if asked {
                 until_asked = side::steps_between(&self.setup, extremes.node_speed_m_s, plan.dt_s);
-                self.stages.sort();
+                // As the GPU does it: a part of the frame begins.
+                self.stages.start_frame();
             } else if too_long || moved.strayed {
                 self.stages.bin();
             }

@@ -293,7 +293,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
 
     /// Particles → tiles, forces for a step of `dt_s` included.
     pub fn p2g(&mut self, dt_s: f64) {
-        self.step_blocks(0.0, dt_s, false, true);
+        self.step_blocks(0.0, dt_s, Passes { g2p: false, p2g: true, resets: false });
     }
 
     /// Tiles → node velocities at the end of a step of `dt_s` that starts at `time_s`; the impulses that surfaces take.
@@ -312,23 +312,28 @@ impl<T: Real, const D: usize> Simulation<T, D> {
 
     /// Node velocities → particles; the last step of a frame, which resets particles that are alone.
     pub fn g2p(&mut self, dt_s: f64) -> Moves<T> {
-        self.step_blocks(dt_s, 0.0, true, false)
+        self.step_blocks(dt_s, 0.0, Passes { g2p: true, p2g: false, resets: true })
+    }
+
+    /// [`Self::g2p`] at the end of a part of a frame, which resets nothing.
+    pub fn end_part(&mut self, dt_s: f64) -> Moves<T> {
+        self.step_blocks(dt_s, 0.0, Passes { g2p: true, p2g: false, resets: false })
     }
 
     /// [`Self::g2p`] and the next step's [`Self::p2g`], with forces for `next_s`, while a block's
     /// particles are in cache. If particles strayed from their tiles, these are not usable: bin,
     /// then P2G.
     pub fn g2p2g(&mut self, dt_s: f64, next_s: f64) -> Moves<T> {
-        self.step_blocks(dt_s, next_s, true, true)
+        self.step_blocks(dt_s, next_s, Passes { g2p: true, p2g: true, resets: false })
     }
 
-    fn step_blocks(&mut self, dt_s: f64, next_s: f64, g2p: bool, p2g: bool) -> Moves<T> {
+    fn step_blocks(&mut self, dt_s: f64, next_s: f64, passes: Passes) -> Moves<T> {
+        let Passes { g2p, p2g, resets } = passes;
         let (constants, interpolation, grid) = (&self.constants, &*self.interpolation, &self.grid);
         let [dt, next] = [dt_s, next_s].map(T::from_f64);
         let tile_size = constants.layout.tile(D);
-        let last = g2p && !p2g;
         let accompanied =
-            if constants.sided && last { sides::accompanied(&self.blocks, &constants.period) } else { Vec::new() };
+            if constants.sided && resets { sides::accompanied(&self.blocks, &constants.period) } else { Vec::new() };
         let mut volumes = self.volumes.chunks_exact_mut(tile_size);
         let tiles = self.blocks.iter_mut().zip(self.tiles.chunks_exact_mut(tile_size));
         let (setup, springs, touches) = (&self.setup, &self.springs, !self.springs.is_empty());
@@ -346,7 +351,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
                     volumes.fill(T::ZERO);
                 }
             }
-            let asked = last && !accompanied.get(index).is_some_and(|&accompanied| accompanied);
+            let asked = resets && !accompanied.get(index).is_some_and(|&accompanied| accompanied);
             let velocities = &gathered.velocities;
             let (room, filled) = (gathered.room(), gathered.filled());
             let around = Around { walls: block.walls.as_deref(), room, filled };
@@ -409,6 +414,15 @@ impl<T: Real, const D: usize> Simulation<T, D> {
             moves.and(block)
         })
     }
+}
+
+/// What a pass over the blocks does.
+#[derive(Clone, Copy, Debug)]
+struct Passes {
+    g2p: bool,
+    p2g: bool,
+    /// Whether particles that are alone are reset.
+    resets: bool,
 }
 
 /// A block, its tile, and the rest volumes at the tile's nodes.

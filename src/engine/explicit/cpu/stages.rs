@@ -35,12 +35,11 @@ pub struct Moved {
 pub trait Stages: Send {
     /// Replaces all particle states; in sampling order.
     fn load(&mut self, particles: Particles);
-    /// Bins, and takes from the states whatever a run that starts here would take.
+    /// Bins, asks particles which side of plates they are on, and takes from the states whatever a run that starts
+    /// here would take.
     fn start_frame(&mut self);
     /// Sorts particles into blocks and prepares these blocks' nodes.
     fn bin(&mut self);
-    /// [`Self::bin`], after particles have been asked which side of plates they are on.
-    fn sort(&mut self);
     /// Mass, momentum and the impulse of a step's forces to the grid.
     fn p2g(&mut self, dt_s: f64);
     /// Node velocities after forces of `dt_s`, for a motion of `move_s` (s) from `time_s`, or for none;
@@ -49,6 +48,8 @@ pub trait Stages: Send {
     fn grid_update(&mut self, dt_s: f64, time_s: f64, move_s: f64) -> Vec<Reaction>;
     /// Moves particles; as the last step of a frame, resets those that are alone on their nodes.
     fn g2p(&mut self, dt_s: f64) -> Moved;
+    /// `g2p` at the end of a part of a frame, which resets nothing; `start_frame` and `p2g` follow.
+    fn end_part(&mut self, dt_s: f64) -> Moved;
     /// `g2p`, then `p2g` with forces for `next_s`, unless particles strayed.
     fn g2p2g(&mut self, dt_s: f64, next_s: f64) -> Moved;
     /// Particles that there are.
@@ -75,9 +76,6 @@ impl<T: Real, const D: usize> Stages for Simulation<T, D> {
     fn bin(&mut self) {
         Simulation::bin(self);
     }
-    fn sort(&mut self) {
-        Simulation::sort(self);
-    }
     fn p2g(&mut self, dt_s: f64) {
         Simulation::p2g(self, dt_s);
     }
@@ -86,6 +84,9 @@ impl<T: Real, const D: usize> Stages for Simulation<T, D> {
     }
     fn g2p(&mut self, dt_s: f64) -> Moved {
         Simulation::g2p(self, dt_s).into()
+    }
+    fn end_part(&mut self, dt_s: f64) -> Moved {
+        Simulation::end_part(self, dt_s).into()
     }
     fn g2p2g(&mut self, dt_s: f64, next_s: f64) -> Moved {
         Simulation::g2p2g(self, dt_s, next_s).into()

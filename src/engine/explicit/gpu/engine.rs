@@ -65,25 +65,27 @@ pub(super) struct Course {
     pub first_kick_s: f64,
     /// Whether half a step's forces follow the last motion ([`Setup::is_staggered`]).
     pub staggered: bool,
+    /// Whether more steps of the same length follow.
+    pub part: bool,
 }
 
 impl Course {
     /// The first steps of a course, if they are not all. The rest begins with [`Self::of`] or this, its velocities
     /// behind by half a step.
     fn first(self, steps: u64) -> Self {
-        if steps < self.steps { Self { steps, staggered: false, ..self } } else { self }
+        if steps < self.steps { Self { steps, staggered: false, part: true, ..self } } else { self }
     }
 
     /// Steps of forces and motion, one after the other.
     pub fn even(dt_s: f64, steps: u64) -> Self {
-        Self { dt_s, steps, first_kick_s: dt_s, staggered: false }
+        Self { dt_s, steps, first_kick_s: dt_s, staggered: false, part: false }
     }
 
     /// As frames have them. `ahead_s`: time by which velocities are ahead of positions at the start.
     pub fn of(setup: &Setup, dt_s: f64, steps: u64, ahead_s: f64) -> Self {
         match setup.is_staggered() {
             false => Self::even(dt_s, steps),
-            true => Self { dt_s, steps, first_kick_s: 0.5 * dt_s - ahead_s, staggered: true },
+            true => Self { first_kick_s: 0.5 * dt_s - ahead_s, staggered: true, ..Self::even(dt_s, steps) },
         }
     }
 
@@ -213,6 +215,7 @@ impl GpuEngine {
         self.params.last_kick = if course.staggered { 0.5 * dt_s } else { dt_s } as f32;
         self.params.last_step = (course.passes() - 1) as u32;
         self.params.end_dt = if course.staggered { 0.0 } else { dt_s } as f32;
+        self.params.resets = u32::from(!course.part);
         self.params.soft_shift = p.cfl as f32;
         self.params.soft_growth = timestep::MAX_GROWTH as f32;
         self.params.soft_demand = (timestep::REPLAN_DEMAND / (dt_s * dt_s)) as f32;

@@ -86,7 +86,7 @@ pub struct Params {
     pub end_dt: f32,
     pub fields: u32,
     pub sided: u32,
-    pub spare2: u32,
+    pub resets: u32,
     pub walls: [[f32; 4]; 6],
     pub contacts: [[f32; 4]; MOST_FIELDS],
 }
