@@ -1,5 +1,7 @@
 //! Thin plates: what is on one side does not feel what is on the other.
 
+use std::f64::consts::TAU;
+
 use serde_json::json;
 
 use super::Case;
@@ -62,10 +64,13 @@ fn sides_of_a_plate(session: &mut Session) -> Result<(), EngineError> {
                 }),
             );
             let mut engine = session.engine(&problem)?;
-            let (frames, frame_s) = (10, 0.05);
+            let (frames, frame_s) = (20, 0.025);
             let mut weight = 0.0;
-            for _ in 0..frames {
-                weight -= engine.advance_frame(frame_s, &NoControl)?.reactions[WALLS].force[d - 1] / f64::from(frames);
+            for frame in 0..frames {
+                // The block bounces. Hann window: the mean does not depend on where in an oscillation it ends.
+                let window = 1.0 - (TAU * (f64::from(frame) + 0.5) / f64::from(frames)).cos();
+                let reactions = engine.advance_frame(frame_s, &NoControl)?.reactions;
+                weight -= window * reactions[WALLS].force[d - 1] / f64::from(frames);
             }
             let after = engine.snapshot()?;
             let mean = |body: u32| {
@@ -77,7 +82,7 @@ fn sides_of_a_plate(session: &mut Session) -> Result<(), EngineError> {
             let right = density * gravity * 6.0 * dx * (4.0 * dx).powi(d as i32 - 1);
             session.check(&variant, "speed above", "m/s", (Rule::Relative, speed, 1e-3), mean(0));
             session.check(&variant, "speed below", "m/s", (Rule::Absolute, 0.0, 1e-3), mean(1));
-            session.check(&variant, "weight on the plate", "N", (Rule::Relative, right, 0.05), weight);
+            session.check(&variant, "weight on the plate", "N", (Rule::Relative, right, 0.03), weight);
         }
     }
     Ok(())

@@ -30,7 +30,7 @@ fn together(members: u32, n: vec3<i32>, grid: u32, beyond: bool) {
     var heaviest = 0u;
     var most = -1;
     for (var k = 0u; k < LAYERS; k++) {
-        if ((members >> k & 1u) == 0u) {
+        if ((members & (1u << k)) == 0u) {
             continue;
         }
         let at = place_of(k * layer_size(), n, grid);
@@ -47,7 +47,7 @@ fn together(members: u32, n: vec3<i32>, grid: u32, beyond: bool) {
     var rest = momentum;
     for (var i = 0u; i < LAYERS; i++) {
         let k = (heaviest + 1u + i) % LAYERS;
-        if ((members >> k & 1u) == 0u) {
+        if ((members & (1u << k)) == 0u) {
             continue;
         }
         let at = place_of(k * layer_size(), n, grid);
@@ -89,7 +89,7 @@ fn main(
         let distance = nearest_plate(x).distance / params.dx;
         var beyond = 0u;
         for (var k = 0u; k < LAYERS; k++) {
-            if ((here >> k & 1u) != 0u && is_beyond(x, distance, k)) {
+            if ((here & (1u << k)) != 0u && is_beyond(x, distance, k)) {
                 beyond |= 1u << k;
             }
         }

@@ -11,7 +11,7 @@ struct NodeFill { filled: f32, room: f32 }
 
 fn packed_fill(node: NodeFill) -> u32 {
     let filled = u32(round(131071.0 * clamp(node.filled / MOST_FILLED, 0.0, 1.0)));
-    return filled << 15u | u32(round(32767.0 * clamp(node.room, 0.0, 1.0)));
+    return (filled << 15u) | u32(round(32767.0 * clamp(node.room, 0.0, 1.0)));
 }
 
 fn unpacked(word: u32) -> NodeFill {

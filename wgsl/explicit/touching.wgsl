@@ -226,7 +226,7 @@ fn touch_particle(slot: u32, to: u32, id: u32, block: vec3<f32>, y: vec3<f32>, n
         kick_s: f32) {
     // Seen from where the particle is in the domain's own period.
     let periods = floor((block + y + SHIFT) / params.cells);
-    let corner = block - select(vec3<f32>(0.0), periods * params.cells, params.periodic == vec3<u32>(1u));
+    let corner = block - vec3<f32>(params.periodic) * params.cells * periods;
     let body = bodies[body_of[id]];
     var touch = load_touch(id);
     let start = (corner + y + SHIFT) * params.dx;
