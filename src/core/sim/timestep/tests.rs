@@ -277,5 +277,5 @@ fn viscosity_rules_thick_fluids_and_not_thin_ones() {
 }
 
 fn extremes(speed_m_s: f64, affine_rate_1_s: f64) -> Extremes {
-    Extremes { speed_m_s, affine_rate_1_s, demand_1_s2: 0.0 }
+    Extremes { speed_m_s, affine_rate_1_s, ..Extremes::default() }
 }
