@@ -10,6 +10,7 @@ use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::{Kernel, Material, Precision, Problem, Setup, Transfer};
 use gridfall_engine::explicit::cpu::{CpuEngine, Stages, stages};
 use gridfall_engine::explicit::gpu::{GridNode, Staged};
+use gridfall_engine::{Engine, NoControl};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -187,6 +188,24 @@ pub fn step(gpu_problem: &Problem, cpu_problem: &Problem) -> [f64; 8] {
     cpu.g2p(DT_S);
     let [x, v, b, f] = compare_particles(&after, &cpu.particles(), cpu_problem.setup.dx);
     [mass, momentum, mass_again, velocity, x, v, b, f]
+}
+
+/// A frame of 40 steps on the GPU, which must repeat to the bit, and in f64 on the CPU: its steps, and how far
+/// particles are apart.
+pub fn frame(problem: &Problem) -> (u64, [f64; 4]) {
+    let mut problem = problem.clone();
+    (problem.setup.max_dt_s, problem.setup.cfl) = (Some(DT_S), 1.0);
+    let run = || {
+        let mut gpu = common::gpu_engine(&problem);
+        let stats = gpu.advance_frame(40.0 * DT_S, &NoControl).unwrap();
+        (stats.steps, gpu.snapshot().unwrap())
+    };
+    let (steps, after) = run();
+    assert!(run() == (steps, after.clone()), "not repeatable");
+    let setup = Setup { precision: Precision::F64, ..problem.setup.clone() };
+    let mut cpu = CpuEngine::new(&setup, problem.particles.clone()).unwrap();
+    assert_eq!(steps, cpu.advance_frame(40.0 * DT_S, &NoControl).unwrap().steps);
+    (steps, compare_particles(&after, &cpu.snapshot().unwrap(), problem.setup.dx))
 }
 
 /// What f32 states and fixed-point sums with a quantum of 1.5e-8 full nodes can differ by in a

@@ -1,13 +1,11 @@
 //! Bodies with contact of their own: what the GPU makes of nodes that several have is what the CPU does.
 
-use gridfall_core::sim::setup::{Contact, ContactKind, Precision, Problem, Setup};
-use gridfall_engine::explicit::cpu::CpuEngine;
-use gridfall_engine::{Engine, NoControl};
+use gridfall_core::sim::setup::{Contact, ContactKind, Problem};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use crate::common;
-use crate::explicit::{DT_S, ELASTIC, agrees, compare_particles, say, step};
+use crate::explicit::{ELASTIC, agrees, frame, say, step};
 
 const GUM: &str = r#"{ "model": "neo-hookean", "density": 1500, "youngs_modulus": 2e4, "poissons_ratio": 0.4 }"#;
 
@@ -85,20 +83,7 @@ fn planted_errors_of_pairs_are_caught() {
 #[test]
 fn frames_of_bodies_that_meet_follow_the_reference() {
     for (kernel, transfer) in [("compact", "mls"), ("quadratic", "apic")] {
-        let mut problem = scene(kernel, transfer);
-        (problem.setup.max_dt_s, problem.setup.cfl) = (Some(DT_S), 1.0);
-        let run = || {
-            let mut gpu = common::gpu_engine(&problem);
-            let stats = gpu.advance_frame(40.0 * DT_S, &NoControl).unwrap();
-            (stats.steps, gpu.snapshot().unwrap())
-        };
-        let (steps, after) = run();
-        assert!(run() == (steps, after.clone()), "{kernel}: not repeatable");
-        let setup = Setup { precision: Precision::F64, ..problem.setup.clone() };
-        let mut cpu = CpuEngine::new(&setup, problem.particles.clone()).unwrap();
-        let reference = cpu.advance_frame(40.0 * DT_S, &NoControl).unwrap();
-        assert_eq!(steps, reference.steps);
-        let d = compare_particles(&after, &cpu.snapshot().unwrap(), problem.setup.dx);
+        let (steps, d) = frame(&scene(kernel, transfer));
         println!("{kernel} {transfer}: {steps} steps, x {:.1e} dx, v {:.1e} m/s, F {:.1e}", d[0], d[1], d[3]);
         assert!(d[0] < 1e-4 && d[1] < 1e-3 && d[3] < 1e-3, "{d:?}");
     }

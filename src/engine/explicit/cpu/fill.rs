@@ -6,7 +6,7 @@
 //! mass does not tell them there.
 
 use super::chunk::{Chunk, LANES, Lanes, State, Stencils, matrix};
-use super::simulation::Constants;
+use super::constants::Constants;
 use super::tile::{self, Layout, Walk, index};
 use gridfall_core::maths::linalg::det;
 use gridfall_core::maths::real::Real;

@@ -10,8 +10,8 @@
 //! In: node velocities of a tile. Out: particles of its block. One thread a block.
 
 use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, State, Stencils, matrix, set_matrix};
+use super::constants::{BodySetup, Constants, Relaxation};
 use super::fill::{self, Around};
-use super::simulation::{BodySetup, Constants, Relaxation};
 use super::tile::{BLOCK, MASS, Node, SLACK, Walk, add_scaled, index, scale};
 use gridfall_core::maths::linalg::{add_scaled as add_scaled_matrix, det, double_dot, mul, trace};
 use gridfall_core::maths::real::Real;

@@ -7,9 +7,10 @@
 
 use rayon::prelude::*;
 
+use super::constants::Constants;
 use super::pairs::Fields;
 use super::sides::Layers;
-use super::simulation::{Block, Constants};
+use super::simulation::Block;
 use super::tables::Tables;
 use super::tile::{BLOCK, Layout, MASS, Node};
 use gridfall_core::maths::real::Real;

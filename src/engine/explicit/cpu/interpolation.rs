@@ -4,8 +4,8 @@
 use std::marker::PhantomData;
 
 use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, Stencils, matrix, set_matrix};
+use super::constants::Constants;
 use super::fill::Around;
-use super::simulation::Constants;
 use super::tile::{Layout, Node};
 use super::{fill, g2p, isolated, p2g};
 use gridfall_core::maths::real::Real;

@@ -8,8 +8,8 @@
 //! it for (tr D I − D) ω = L.
 
 use super::chunk::{Chunk, LANES, Lanes, State, Stencils, matrix, set_matrix};
+use super::constants::Constants;
 use super::g2p::gather_lane;
-use super::simulation::Constants;
 use super::tile::{MASS, Node};
 use gridfall_core::maths::linalg::{Matrix, apply, cofactor, det, scaled_identity, trace};
 use gridfall_core::maths::real::Real;

@@ -4,6 +4,7 @@
 
 mod bin;
 mod chunk;
+mod constants;
 mod engine;
 mod fill;
 mod flow;

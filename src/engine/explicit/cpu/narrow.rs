@@ -2,7 +2,7 @@
 //! scalar, relative to their blocks.
 
 use super::chunk::{Chunk, State, set_matrix};
-use super::simulation::Constants;
+use super::constants::Constants;
 use gridfall_core::maths::linalg::{Matrix, determinant, from_row_major, scaled_identity};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::particles::Particles;

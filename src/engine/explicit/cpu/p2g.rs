@@ -6,7 +6,7 @@
 //! In: particles of a block. Out: its tile. One thread a block.
 
 use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, State, Stencils, matrix, set_matrix, vector};
-use super::simulation::Constants;
+use super::constants::Constants;
 use super::tile::{MASS, Node, Walk, add_scaled, index, scale};
 use gridfall_core::material::{Damping, Law};
 use gridfall_core::maths::linalg::{Matrix, add_scaled as add_scaled_matrix, apply, scaled_identity};

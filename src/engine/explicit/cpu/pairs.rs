@@ -19,7 +19,7 @@
 
 use rayon::prelude::*;
 
-use super::simulation::Constants;
+use super::constants::Constants;
 use super::tables::Tables;
 use super::tile::{Layout, MASS, Node};
 use gridfall_core::maths::linalg::{Vector, dot};

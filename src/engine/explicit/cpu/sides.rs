@@ -6,7 +6,8 @@
 
 use rayon::prelude::*;
 
-use super::simulation::{Block, Constants};
+use super::constants::Constants;
+use super::simulation::Block;
 use super::tables::Tables;
 use super::tile::{BLOCK, MASS, Node};
 use gridfall_core::maths::real::Real;

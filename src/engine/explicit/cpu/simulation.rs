@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 
 use super::bin::{self, Place};
-use super::chunk::{Chunk, Kind, LANES, MatrixLanes, State, matrix};
+use super::chunk::{Chunk, LANES, MatrixLanes, State, matrix};
+use super::constants::{BodySetup, Constants, Relaxation};
 use super::fill::{self, Around, WallRoom};
 use super::flow;
 use super::g2p::{self, Moves};
@@ -12,7 +13,7 @@ use super::interpolation::{Interpolation, interpolation};
 use super::narrow::Narrow;
 use super::p2g;
 use super::sides;
-use super::tile::{BLOCK, Layout, Node};
+use super::tile::{BLOCK, Node};
 use super::touch::{self as touching, Contacts, Taken};
 use gridfall_core::material::{Damping, Law};
 use gridfall_core::maths::linalg::{double_dot, scaled_identity, to_row_major};
@@ -20,79 +21,11 @@ use gridfall_core::maths::real::Real;
 use gridfall_core::sim::pair;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
-use gridfall_core::sim::setup::{Axis, Body, Setup, Transfer};
+use gridfall_core::sim::setup::{Axis, Setup};
 use gridfall_core::sim::side;
 use gridfall_core::sim::timestep::{Extremes, demands_at_rest_1_s2};
 use gridfall_core::sim::touch::{self, Springs, Touch};
 use gridfall_core::sim::volume;
-
-/// What all particles of a body share.
-#[derive(Clone, Copy, Debug)]
-pub struct BodySetup<T> {
-    pub law: Law<T>,
-    pub damping: Option<Damping<T>>,
-    /// Of one particle (kg).
-    pub mass: T,
-    /// Of one particle at rest (m³; 2D: m²).
-    pub volume0: T,
-    /// Demand of the material at rest, see [`gridfall_core::sim::timestep`] (1/s²).
-    pub demand: T,
-    /// Cells that a particle fills at rest: V0 / dx^d.
-    pub cells: T,
-    pub relaxation: Option<Relaxation<T>>,
-    /// Whose nodes it has, see [`pair`].
-    pub field: u32,
-}
-
-/// [`volume::Relaxation`] in the simulation's scalar.
-#[derive(Clone, Copy, Debug)]
-pub struct Relaxation<T> {
-    /// At rest (1/s).
-    pub rate: T,
-    /// What a crowd adds (1/s).
-    pub crowded: T,
-    /// Fill that counts as full.
-    pub full: T,
-}
-
-impl<T: Real> Relaxation<T> {
-    fn of(setup: &Setup, body: &Body) -> Option<Self> {
-        let volume::Relaxation { rate_1_s, crowded_1_s, full } = volume::relaxation(setup, body)?;
-        let [rate, crowded, full] = [rate_1_s, crowded_1_s, full].map(T::from_f64);
-        Some(Self { rate, crowded, full })
-    }
-}
-
-impl<T> BodySetup<T> {
-    pub fn is_fluid(&self) -> bool {
-        matches!(self.law, Law::WeaklyCompressibleFluid(_))
-    }
-
-    pub fn kind(&self) -> Kind {
-        match (self.is_fluid(), &self.damping) {
-            (true, _) => Kind::Fluid,
-            (_, Some(_)) => Kind::Damped,
-            _ => Kind::Solid,
-        }
-    }
-}
-
-/// What stays the same during a run, in the simulation's scalar.
-#[derive(Clone, Debug)]
-pub struct Constants<T, const D: usize> {
-    pub dx: T,
-    pub bodies: Vec<BodySetup<T>>,
-    pub transfer: Transfer,
-    pub layout: Layout,
-    /// Cells per axis if periodic.
-    pub period: [Option<i32>; D],
-    /// Whether the volume of some body follows what fills the room.
-    pub follows: bool,
-    /// Whether P2G sums rest volumes.
-    pub mixed: bool,
-    /// Whether particles have sides, see [`side`]; their layer is then their block's field.
-    pub sided: bool,
-}
 
 /// 4 cells an axis that hold particles.
 #[derive(Clone, Debug)]

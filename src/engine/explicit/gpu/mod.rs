@@ -2,8 +2,8 @@
 //!
 //! `layout` holds the twins of shader structs, `buffers` says what device memory there is, `scene`
 //! and `upload` turn a scene and its particles into device data, `stages` lists the dispatches of a
-//! frame, `engine` runs frames and answers for overflow and re-planning, `failure` for errors,
-//! `readback` brings states home, and `staged` stops between the stages of a step, so that they and
+//! frame, `engine` plans frames, `segment` runs equal steps of one and answers for overflow, `failure`
+//! for errors, `readback` brings states home, and `staged` stops between the stages of a step, so that they and
 //! the `bookkeeping` can be looked at.
 
 mod bookkeeping;
@@ -17,6 +17,7 @@ mod law_tests;
 pub mod layout;
 mod readback;
 pub(crate) mod scene;
+mod segment;
 mod staged;
 pub mod stages;
 pub mod timing;

@@ -1,9 +1,10 @@
 //! Steps taken stage by stage.
 
 use super::bookkeeping::{self, Bookkeeping};
-use super::engine::{Course, GpuEngine};
+use super::engine::GpuEngine;
 use super::layout;
 use super::readback::{self, GridNode};
+use super::segment::Course;
 use crate::contract::{Engine, EngineError};
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::side;

@@ -4,7 +4,8 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use super::engine::{Course, GpuEngine};
+use super::engine::GpuEngine;
+use super::segment::Course;
 use super::stages::STEP;
 use crate::contract::EngineError;
 use crate::gpu::Gpu;
