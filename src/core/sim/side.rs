@@ -10,7 +10,7 @@
 //! Particles far from plates have no side, nor have those in slots so narrow that one side of the slot
 //! cannot be told from the other side of the plate: they are at home at every node, as without plates.
 
-use super::collider::{Collider, NORMAL_STEP_DX, Placed, Primitive, SdfOp};
+use super::collider::{ALWAYS, Collider, NORMAL_STEP_DX, Placed, Primitive, SdfOp};
 use super::pair;
 use super::setup::{ContactAt, Setup};
 use super::timestep::max_collider_speed_m_s;
@@ -146,6 +146,12 @@ impl<'a> Plates<'a> {
         self.through(x, toward.map(|e| -e), REACH_DX).is_some_and(|behind| ahead > behind + tie * self.dx)
     }
 
+    /// Whether nodes that lie beyond a plate always do.
+    pub fn are_still(setup: &Setup) -> bool {
+        let acting = || setup.colliders.iter().filter(|c| !c.grip);
+        acting().all(|c| !c.motion.moves() && c.present_s == ALWAYS)
+    }
+
     /// Whether any plate is near enough to a place (m) that nodes within `around` (m) of it may lie beyond it.
     pub fn reach(&self, x: [f64; 3], around: f64) -> bool {
         self.placed.iter().any(|p| p.distance(x) <= around + REACH_DX * self.dx + p.slack())
@@ -182,7 +188,7 @@ fn direction(layer: u32) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::collider::{ALWAYS, Motion, Sdf};
+    use crate::sim::collider::{Motion, Sdf};
     use crate::sim::fixture::{problem, solid_and_fluid};
     use crate::sim::setup::{Contact, ContactKind};
 

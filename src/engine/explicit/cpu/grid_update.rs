@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::constants::Constants;
 use super::pairs::Fields;
-use super::sides::Layers;
+use super::sides::{self, Layers};
 use super::simulation::Block;
 use super::tables::Tables;
 use super::tile::{BLOCK, Layout, MASS, Node};
@@ -33,6 +33,8 @@ pub struct Grid<T, const D: usize> {
     filled: Vec<T>,
     /// Masses and momenta after bodies have met; empty if none has nodes of its own.
     met: Vec<Node<T>>,
+    /// Whether each node lies beyond a plate for its layer; empty where particles have no sides.
+    beyond: Vec<bool>,
 }
 
 /// What P2G has summed by tiles.
@@ -90,7 +92,7 @@ impl<T: Real, const D: usize> Grid<T, D> {
         let corners: Vec<(u32, [i32; D])> = blocks.iter().map(|b| (b.field, b.coordinates)).collect();
         let tables = Tables::new(&corners, layout, period);
         let velocities = vec![[T::ZERO; 4]; tables.nodes()];
-        Self { tables, velocities, room: Vec::new(), filled: Vec::new(), met: Vec::new() }
+        Self { tables, velocities, room: Vec::new(), filled: Vec::new(), met: Vec::new(), beyond: Vec::new() }
     }
 
     /// Copies what G2P reads at a tile's nodes.
@@ -169,11 +171,13 @@ impl<T: Real, const D: usize> Grid<T, D> {
             (self.met, self.filled) = fields.meet();
         } else if constants.sided {
             let nodes = (0..self.tables.nodes()).into_par_iter().map(|node| self.sum(node, tiles.nodes)).collect();
-            let (volumes, plates) = (std::mem::take(&mut self.filled), Plates::new(setup, time_s));
-            let layers = Layers { setup, constants, tables: &self.tables, plates, nodes, volumes };
+            if self.beyond.is_empty() || !Plates::are_still(setup) {
+                self.beyond = sides::beyond(setup, constants, &self.tables, time_s);
+            }
+            let volumes = std::mem::take(&mut self.filled);
+            let layers = Layers { tables: &self.tables, beyond: &self.beyond, nodes, volumes };
             (self.met, self.filled) = layers.join();
         }
-        let plates = constants.sided.then(|| Plates::new(setup, time_s));
         let mut room = std::mem::take(&mut self.room);
         let asked = *follows && !present.is_empty();
         room.resize(if asked { self.tables.nodes() } else { 0 }, T::ONE);
@@ -197,7 +201,7 @@ impl<T: Real, const D: usize> Grid<T, D> {
                     let at = At { node: i, shift: layout.shift[g], mass: free.map_or(T::ZERO, |(mass, _)| mass) };
                     if let (Some(room), false) = (&mut room, near.is_empty()) {
                         let x = position(setup, i, at.shift);
-                        let beyond = plates.as_ref().is_some_and(|plates| plates.is_beyond(x, *field));
+                        let beyond = self.beyond.get(index * nodes + local).is_some_and(|&beyond| beyond);
                         room[local] = T::from_f64(free_share(&near, layout, setup.dx, x, beyond));
                     }
                     let Some((mass, v)) = free else { continue };

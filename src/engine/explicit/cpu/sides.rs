@@ -16,10 +16,9 @@ use gridfall_core::sim::side::Plates;
 
 /// The nodes of all layers.
 pub struct Layers<'a, T, const D: usize> {
-    pub setup: &'a Setup,
-    pub constants: &'a Constants<T, D>,
     pub tables: &'a Tables<D>,
-    pub plates: Plates<'a>,
+    /// By node: whether it lies beyond a plate for its layer.
+    pub beyond: &'a [bool],
     pub nodes: Vec<Node<T>>,
     /// Rest volumes over dx^d; empty if nobody asks.
     pub volumes: Vec<T>,
@@ -53,10 +52,9 @@ impl<T: Real, const D: usize> Layers<'_, T, D> {
         }
         let size = self.tables.block_nodes();
         for local in 0..size {
-            let x = self.place(&corner, local);
             let mut groups = [Vec::new(), Vec::new()];
-            for &(layer, block) in &here {
-                groups[usize::from(self.plates.is_beyond(x, layer))].push(block * size + local);
+            for slot in here.iter().map(|(_, block)| block * size + local) {
+                groups[usize::from(self.beyond[slot])].push(slot);
             }
             for slots in &groups {
                 self.together(slots, &mut joined);
@@ -82,16 +80,35 @@ impl<T: Real, const D: usize> Layers<'_, T, D> {
             joined.push((slot, node, filled));
         }
     }
+}
 
-    /// Where a node of a block is (m).
-    fn place(&self, corner: &[i32; D], local: usize) -> [f64; 3] {
-        let (grid, node) = Tables::node(corner, local);
+/// By node: whether it lies beyond a plate for its layer.
+pub fn beyond<T: Real, const D: usize>(
+    setup: &Setup,
+    constants: &Constants<T, D>,
+    tables: &Tables<D>,
+    time_s: f64,
+) -> Vec<bool> {
+    let plates = Plates::new(setup, time_s);
+    let (dx, size) = (setup.dx, tables.block_nodes());
+    let place = |node: [i32; D], shift: f64| {
         let mut x = [0.0; 3];
         for a in 0..D {
-            x[a] = self.setup.origin[a] + (f64::from(node[a]) + self.constants.layout.shift[grid]) * self.setup.dx;
+            x[a] = setup.origin[a] + (f64::from(node[a]) + shift) * dx;
         }
         x
-    }
+    };
+    let of_block = |(layer, corner): &(u32, [i32; D])| {
+        let middle = place(corner.map(|c| BLOCK * c + BLOCK / 2), 0.0);
+        let far = *layer == 0 || !plates.reach(middle, 2.25 * (D as f64).sqrt() * dx);
+        let is_beyond = |local| {
+            let (grid, node) = Tables::node(corner, local);
+            !far && plates.is_beyond(place(node, constants.layout.shift[grid]), *layer)
+        };
+        (0..size).map(is_beyond).collect::<Vec<bool>>()
+    };
+    let blocks: Vec<Vec<bool>> = tables.blocks.par_iter().map(of_block).collect();
+    blocks.into_iter().flatten().collect()
 }
 
 /// By block: whether particles of other layers may share nodes with its own.

@@ -136,7 +136,8 @@ impl DeviceLayout {
         seen.iter().filter(|&&s| s).count()
     }
 
-    /// States by id; plates tell the layers of particles near them. Errors: [`EngineError::LeftDomain`] for a particle outside the block table.
+    /// States by id; plates tell the layers of particles near them. Errors: [`EngineError::LeftDomain`] for a particle
+    /// outside the block table.
     pub fn state(&self, particles: &Particles, plates: &Plates) -> Result<DeviceState, EngineError> {
         let n = particles.len();
         let mut state = DeviceState {
