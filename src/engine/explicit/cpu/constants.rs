@@ -21,7 +21,7 @@ pub struct BodySetup<T> {
     /// Cells that a particle fills at rest: V0 / dx^d.
     pub cells: T,
     pub relaxation: Option<Relaxation<T>>,
-    /// Whose nodes it has, see [`pair`].
+    /// Whose nodes it has, see [`gridfall_core::sim::pair`].
     pub field: u32,
 }
 
@@ -71,6 +71,6 @@ pub struct Constants<T, const D: usize> {
     pub follows: bool,
     /// Whether P2G sums rest volumes.
     pub mixed: bool,
-    /// Whether particles have sides, see [`side`]; their layer is then their block's field.
+    /// Whether particles have sides, see [`gridfall_core::sim::side`]; their layer is then their block's field.
     pub sided: bool,
 }
