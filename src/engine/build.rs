@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::{env, fs, io};
 
 fn main() -> io::Result<()> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../wgsl").canonicalize()?;
+    // Asked when it runs: checkouts that share a target directory share the program, too.
+    let here = env::var("CARGO_MANIFEST_DIR").expect("Cargo sets it");
+    let root = Path::new(&here).join("../../wgsl").canonicalize()?;
     println!("cargo::rerun-if-changed={}", root.display());
     let mut files = Vec::new();
     list(&root, &mut files)?;
