@@ -13,6 +13,8 @@ use gridfall_core::sim::timestep::{Extremes, REPLAN_DEMAND, SHRINK, StepPlan, pl
 pub struct CpuEngine {
     backend: Backend,
     setup: Setup,
+    /// Whether particles have sides, see [`side`].
+    sided: bool,
     stages: Box<dyn Stages>,
     particles: usize,
     step: u64,
@@ -33,6 +35,7 @@ impl CpuEngine {
         Ok(Self {
             backend: Backend::this_cpu("the CPU engine runs every scene"),
             setup: setup.clone(),
+            sided: side::acts(setup),
             particles: particles.len(),
             stages: stages(setup, particles),
             step: 0,
@@ -108,7 +111,7 @@ impl Engine for CpuEngine {
         let mut done = 0;
         let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.setup)];
         let staggered = self.setup.is_staggered();
-        let sided = side::acts(&self.setup);
+        let sided = self.sided;
         // Steps until particles are asked again which side of plates they are on.
         let mut until_asked = side::steps_between(&self.setup, extremes.node_speed_m_s, plan.dt_s);
         // The time over which forces act before the coming motion.

@@ -12,7 +12,7 @@ use super::pairs::Fields;
 use super::sides::{self, Layers};
 use super::simulation::Block;
 use super::tables::Tables;
-use super::tile::{BLOCK, Layout, MASS, Node};
+use super::tile::{BLOCK, Layout, MASS, Node, position};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::collider::{NORMAL_STEP_DX, Placed};
 use gridfall_core::sim::contact::{ContactKind, mirrored, respond, stick_mirrored, wall_side};
@@ -325,15 +325,6 @@ impl<T: Real, const D: usize> Walls<'_, T, D> {
         take(2 * a + side, &v, &after);
         after
     }
-}
-
-/// Where a node is (m), in scene coordinates.
-fn position<const D: usize>(setup: &Setup, node: [i32; D], shift: f64) -> [f64; 3] {
-    let mut x = [0.0; 3];
-    for a in 0..D {
-        x[a] = setup.origin[a] + (node[a] as f64 + shift) * setup.dx;
-    }
-    x
 }
 
 /// A collider at the step's time, with its place among all surfaces.

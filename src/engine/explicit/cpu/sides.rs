@@ -9,10 +9,10 @@ use rayon::prelude::*;
 use super::constants::Constants;
 use super::simulation::Block;
 use super::tables::Tables;
-use super::tile::{BLOCK, MASS, Node};
+use super::tile::{BLOCK, MASS, Node, position};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::setup::Setup;
-use gridfall_core::sim::side::Plates;
+use gridfall_core::sim::side::{LAYERS, Plates};
 
 /// The nodes of all layers.
 pub struct Layers<'a, T, const D: usize> {
@@ -45,7 +45,7 @@ impl<T: Real, const D: usize> Layers<'_, T, D> {
     fn block(&self, block: usize) -> Vec<Joined<T>> {
         let (layer, corner) = self.tables.blocks[block];
         let there = |layer: u32| self.tables.block(layer, corner).map(|block| (layer, block));
-        let here: Vec<(u32, usize)> = (0..gridfall_core::sim::side::LAYERS as u32).filter_map(there).collect();
+        let here: Vec<(u32, usize)> = (0..LAYERS as u32).filter_map(there).collect();
         let mut joined = Vec::new();
         if here.len() < 2 || here[0].0 != layer {
             return joined;
@@ -90,20 +90,13 @@ pub fn beyond<T: Real, const D: usize>(
     time_s: f64,
 ) -> Vec<bool> {
     let plates = Plates::new(setup, time_s);
-    let (dx, size) = (setup.dx, tables.block_nodes());
-    let place = |node: [i32; D], shift: f64| {
-        let mut x = [0.0; 3];
-        for a in 0..D {
-            x[a] = setup.origin[a] + (f64::from(node[a]) + shift) * dx;
-        }
-        x
-    };
+    let size = tables.block_nodes();
     let of_block = |(layer, corner): &(u32, [i32; D])| {
-        let middle = place(corner.map(|c| BLOCK * c + BLOCK / 2), 0.0);
-        let far = *layer == 0 || !plates.reach(middle, 2.25 * (D as f64).sqrt() * dx);
+        let middle = position(setup, corner.map(|c| BLOCK * c + BLOCK / 2), 0.0);
+        let far = *layer == 0 || !plates.reach(middle, 2.25 * (D as f64).sqrt() * setup.dx);
         let is_beyond = |local| {
             let (grid, node) = Tables::node(corner, local);
-            !far && plates.is_beyond(place(node, constants.layout.shift[grid]), *layer)
+            !far && plates.is_beyond(position(setup, node, constants.layout.shift[grid]), *layer)
         };
         (0..size).map(is_beyond).collect::<Vec<bool>>()
     };

@@ -7,7 +7,7 @@
 
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::kernel::ShapeFunction;
-use gridfall_core::sim::setup::Axis;
+use gridfall_core::sim::setup::{Axis, Setup};
 
 /// Cells of a block along an axis.
 pub const BLOCK: i32 = 4;
@@ -109,6 +109,15 @@ pub fn add_scaled<T: Real>(a: Node<T>, s: T, b: Node<T>) -> Node<T> {
 #[inline(always)]
 pub fn scale<T: Real>(s: T, a: Node<T>) -> Node<T> {
     [s * a[0], s * a[1], s * a[2], s * a[3]]
+}
+
+/// Where a node is (m), in scene coordinates.
+pub fn position<const D: usize>(setup: &Setup, node: [i32; D], shift: f64) -> [f64; 3] {
+    let mut x = [0.0; 3];
+    for a in 0..D {
+        x[a] = setup.origin[a] + (node[a] as f64 + shift) * setup.dx;
+    }
+    x
 }
 
 #[cfg(test)]

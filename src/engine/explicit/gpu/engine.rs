@@ -244,7 +244,7 @@ impl Engine for GpuEngine {
         self.isolated = 0;
         let start_s = self.time_s;
         let mut impulses = vec![Reaction::default(); reaction::surfaces(&self.setup)];
-        let sided = side::acts(&self.setup);
+        let sided = self.params.sided != 0;
         let mut plans = 0;
         let mut rest: Option<StepPlan> = None;
         while plans < MAX_PLANS {
