@@ -315,7 +315,7 @@ impl<'a> Keeper<'a> {
             let message = format!("{} particles were alone on their nodes and were reset", row.isolated_reset);
             self.writer.log(Severity::Warning, message);
         }
-        if let Some(message) = unconverged(&solves, setup.implicit.tolerance) {
+        if let Some(message) = unconverged(&solves, setup.implicit.tolerance()) {
             self.writer.log(Severity::Warning, message);
         }
         let steps = SolverRow::of_frame(row.frame, self.summary.steps, &solves);

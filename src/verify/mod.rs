@@ -11,6 +11,7 @@ mod faces;
 mod forced;
 mod granular;
 mod implicit;
+mod implicit_bodies;
 mod kernels;
 mod meeting;
 mod moduli;
@@ -74,6 +75,9 @@ pub const CASES: &[Case] = &[
     implicit::IMPLICIT_CONVERGENCE,
     implicit::IMPLICIT_CANTILEVER,
     implicit::IMPLICIT_YIELD,
+    implicit_bodies::STIFF_BAR,
+    implicit_bodies::ROLLS_AND_TIPS,
+    implicit_bodies::IMPLICIT_METAL,
     stiffness_sweep::STIFFNESS_SWEEP,
     kernels::STICKY_FLOOR,
     kernels::HOLLOW_CYLINDER,

@@ -26,7 +26,7 @@ const KERNELS: [Kernel; 2] = [Kernel::Quadratic, Kernel::Compact];
 fn implicit(dimension: usize, cells: Vec3, dx: f64, kernel: Kernel) -> Problem {
     let mut problem = empty(dimension, cells, dx);
     problem.setup.kernel = kernel;
-    problem.setup.implicit.tolerance = 1e-9;
+    problem.setup.implicit.tolerance = Some(1e-9);
     problem
 }
 
@@ -150,7 +150,7 @@ fn released(dimension: usize, kernel: Kernel, transfer: Transfer, material: Mate
     problem.setup.transfer = transfer;
     problem.setup.frame_s = 0.01;
     // Momentum is conserved up to the sum of the residuals.
-    problem.setup.implicit.tolerance = 1e-11;
+    problem.setup.implicit.tolerance = Some(1e-11);
     let high = if three { 9.0 * dx } else { 0.0 };
     let low = if three { 5.0 * dx } else { 0.0 };
     let spin =
@@ -207,7 +207,7 @@ fn implicit_euler_slows_a_spinning_body_by_its_law() {
         let dx = 1.0 / 16.0;
         let mut problem = implicit(2, [20.0, 20.0, 1.0], dx, kernel);
         problem.setup.frame_s = 0.02;
-        problem.setup.implicit.tolerance = 1e-12;
+        problem.setup.implicit.tolerance = Some(1e-12);
         let (center, omega) = ([10.0 * dx, 10.0 * dx, 0.0], 5.0);
         let spin = [[0.0, -omega, 0.0], [omega, 0.0, 0.0], [0.0; 3]];
         fill(&mut problem, elastic(1e8, 0.3, 1000.0), 2, in_ball(center, 5.0 * dx), linear([0.0; 3], spin, center));

@@ -134,17 +134,13 @@ fn what_needs_an_inside_refuses_a_sheet() {
 fn only_contact_at_the_particles_meets_a_sheet() {
     let dir = folder();
     let mut document = scene(&sheet("square.obj"));
-    document["solver"] = json!({ "integrator": "auto" });
-    // Slow and stiff enough for implicit steps.
-    document["materials"]["m"]["youngs_modulus"] = json!(1e9);
-    let problem = judge(&document, dir.path()).unwrap();
-    assert_eq!(problem.setup.integrator, Integrator::Explicit);
-    assert!(problem.setup.integrator_reason.contains("'c' is a sheet"), "{}", problem.setup.integrator_reason);
+    for integrator in ["auto", "implicit"] {
+        document["solver"] = json!({ "integrator": integrator });
+        // Slow and stiff enough for implicit steps.
+        document["materials"]["m"]["youngs_modulus"] = json!(1e9);
+        assert_eq!(judge(&document, dir.path()).unwrap().setup.integrator, Integrator::Implicit);
+    }
     document["solver"] = json!({ "integrator": "explicit", "contact": "nodes" });
     let faults = judge(&document, dir.path()).unwrap_err();
     assert_eq!((faults[0].pointer.as_str(), faults[0].code, faults.len()), ("/solver/contact", "unsupported", 1));
-    document["solver"] = json!({ "integrator": "implicit" });
-    let faults = judge(&document, dir.path()).unwrap_err();
-    assert_eq!((faults[0].pointer.as_str(), faults[0].code, faults.len()), ("/solver/integrator", "unsupported", 1));
-    assert!(faults[0].to_string().contains("`explicit` or `auto`"), "{}", faults[0]);
 }

@@ -1,7 +1,7 @@
 //! The GPU engine on its own: exact motions, repeatability, growth, guards and errors.
 
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::setup::Problem;
+use gridfall_core::sim::setup::{Method, Problem};
 use gridfall_engine::implicit::ImplicitEngine;
 use gridfall_engine::{Control, Engine, EngineError, FrameStats, NoControl};
 use rand::SeedableRng;
@@ -201,6 +201,7 @@ fn speeds_beyond_all_bounds_are_errors_that_name_the_particle() {
     for speed in [1e16, 1e30] {
         let mut problem = block("compact", "", "\"velocity\": [0, 0, 0]");
         problem.particles.v[77] = [0.0, 0.0, speed];
+        problem.setup.implicit.method = Method::Hot;
         let implicit = ImplicitEngine::on_gpu(common::gpu(), &problem.setup, problem.particles.clone(), "test");
         for mut engine in [Box::new(common::gpu_engine(&problem)) as Box<dyn Engine>, Box::new(implicit.unwrap())] {
             match engine.advance_frame(problem.setup.frame_s, &NoControl) {

@@ -68,7 +68,8 @@ fn scene(kernel: &str, transfer: &str, [a, b, c]: [&str; 3], seed: u64) -> Probl
             {{ "name": "gone", "contact": "sticky", "until": 0.004,
                 "shape": {{ "box": {{ "min": [0.41, 0.31, 0.15], "max": [0.69, 0.58, 0.31] }} }} }} ],
         "time": {{ "end": 0.1, "frame_rate": 50 }},
-        "solver": {{ "kernel": "{kernel}", "transfer": "{transfer}", "integrator": "implicit" }} }}"#
+        "solver": {{ "kernel": "{kernel}", "transfer": "{transfer}", "integrator": "implicit",
+            "implicit": {{ "method": "hot" }}, "contact": "nodes" }} }}"#
     ));
     common::randomise(&mut problem, &mut ChaCha8Rng::seed_from_u64(seed));
     // States as f32 has them: beside a kernel's edge, weights magnify a rounding of the position.

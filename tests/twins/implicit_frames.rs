@@ -30,8 +30,8 @@ fn scene(kernel: &str, transfer: &str) -> Problem {
                "motion": {{ "center": [0.275, 0.275, 0.8], "linear_velocity": [0, 0, 0.2],
                    "angular_velocity": [0, 0, 4] }} }} ],
         "time": {{ "end": 1, "frame_rate": 24 }},
-        "solver": {{ "kernel": "{kernel}", "transfer": "{transfer}", "integrator": "implicit",
-            "implicit": {{ "tolerance": 1e-8 }} }} }}"#
+        "solver": {{ "kernel": "{kernel}", "transfer": "{transfer}", "integrator": "implicit", "contact": "nodes",
+            "implicit": {{ "method": "hot", "tolerance": 1e-8 }} }} }}"#
     ))
 }
 
@@ -87,7 +87,8 @@ fn steps_in_which_particles_go_too_far_are_halved() {
         "bodies": [ { "name": "a", "material": "m", "shape": { "box": { "min": [0.375, 0.375, 0.375],
             "max": [0.625, 0.625, 0.625] } },
                       "deformation_gradient": [[0.5, 0, 0], [0, 0.5, 0], [0, 0, 0.5]] } ],
-        "time": { "end": 1, "frame_rate": 10 }, "solver": { "integrator": "implicit" } }"#,
+        "time": { "end": 1, "frame_rate": 10 },
+        "solver": { "integrator": "implicit", "implicit": { "method": "hot" } } }"#,
     );
     let frame_s = 0.1;
     let stats = engine(&problem).advance_frame(frame_s, &NoControl).unwrap();
@@ -108,7 +109,8 @@ fn sources_emit_what_the_cpu_emits() {
         "bodies": [],
         "sources": [ { "name": "press", "material": "jelly", "velocity": [0.5, 0, 0], "from": 0.05, "until": 0.14,
                        "shape": { "sphere": { "center": [0.25, 0.25, 0.3], "radius": 0.08 } } } ],
-        "time": { "end": 0.2, "frame_rate": 25 }, "solver": { "integrator": "implicit" } }"#,
+        "time": { "end": 0.2, "frame_rate": 25 },
+        "solver": { "integrator": "implicit", "implicit": { "method": "hot" } } }"#,
     );
     let simulate = |engine: &mut dyn Engine| -> Vec<Particles> {
         let frame = |frame: u32| {

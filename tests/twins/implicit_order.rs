@@ -48,7 +48,7 @@ fn bodies(kernel: &str, gradient: f64) -> Problem {
             {{ "name": "slope", "contact": "slip", "shape": {{ "half-space": {{ "point": [0.7, 0.4, 0.2],
                 "normal": [1, 2, 3] }} }},
                "motion": {{ "center": [0.7, 0.4, 0.2], "linear_velocity": [1, 0, 1] }} }} ],
-        "time": {{ "end": 1 }}, "solver": {{ "kernel": "{kernel}", "integrator": "implicit" }} }}"#
+        "time": {{ "end": 1 }}, "solver": {{ "kernel": "{kernel}", "integrator": "implicit", "contact": "nodes" }} }}"#
     ))
 }
 
@@ -74,7 +74,7 @@ fn dust(kernel: &str, seed: u64) -> Problem {
             "poissons_ratio": 0.3 }} }},
         "bodies": [ {{ "name": "a", "material": "m", "particles_per_cell": 1,
                        "shape": {{ "box": {{ "min": [0, 0, 0], "max": [0.25, 0.25, 0.1875] }} }} }} ],
-        "time": {{ "end": 1 }}, "solver": {{ "kernel": "{kernel}", "integrator": "implicit" }} }}"#
+        "time": {{ "end": 1 }}, "solver": {{ "kernel": "{kernel}", "integrator": "implicit", "contact": "nodes" }} }}"#
     ));
     let p = &mut problem.particles;
     assert_eq!(p.len(), 48);

@@ -9,16 +9,16 @@ use super::*;
 use crate::maths::linalg::{add_scaled, double_dot, identity, mul, mul_transpose};
 use crate::maths::svd::svd;
 
-const MODULUS: f64 = 1e5;
+pub(super) const MODULUS: f64 = 1e5;
 
 /// Every law that can be integrated implicitly, with its plastic state. Snow is given a state in
 /// which it has hardened.
-fn laws() -> Vec<(Law<f64>, f64)> {
+pub(super) fn laws() -> Vec<(Law<f64>, f64)> {
     let solid = samples().into_iter().filter(|m| !m.is_fluid());
     solid.map(|m| (Law::new(&m), if let Material::Snow(_) = m { 0.97 } else { initial_plastic_state(&m) })).collect()
 }
 
-fn random<const D: usize>(rng: &mut StdRng) -> Matrix<f64, D> {
+pub(super) fn random<const D: usize>(rng: &mut StdRng) -> Matrix<f64, D> {
     let mut m = identity();
     for x in m.iter_mut().flatten() {
         *x = rng.random_range(-1.0..1.0);
@@ -26,7 +26,7 @@ fn random<const D: usize>(rng: &mut StdRng) -> Matrix<f64, D> {
     m
 }
 
-fn rotated<const D: usize>(rng: &mut StdRng, sigma: &Vector<f64, D>) -> Matrix<f64, D> {
+pub(super) fn rotated<const D: usize>(rng: &mut StdRng, sigma: &Vector<f64, D>) -> Matrix<f64, D> {
     spectral(&svd(&random(rng)).u, sigma, &svd(&random(rng)).u)
 }
 
@@ -48,23 +48,23 @@ const SPECTRA: [[f64; 3]; 13] = [
     [0.7, 0.4, -0.02],
 ];
 
-fn spectra<const D: usize>() -> impl Iterator<Item = Vector<f64, D>> {
+pub(super) fn spectra<const D: usize>() -> impl Iterator<Item = Vector<f64, D>> {
     // In two dimensions, the first and the last entry.
     SPECTRA.into_iter().map(|s| std::array::from_fn(|i| if i + 1 == D { s[2] } else { s[i] }))
 }
 
 /// Whether the law is defined at these stretches: neo-Hookean bodies are never flat or inverted.
-fn exists<const D: usize>(law: &Law<f64>, sigma: &Vector<f64, D>) -> bool {
+pub(super) fn exists<const D: usize>(law: &Law<f64>, sigma: &Vector<f64, D>) -> bool {
     !matches!(law, Law::NeoHookean(_)) || sigma[D - 1] > 0.0
 }
 
 /// Fourth-order central difference of an array.
-fn slope(h: f64, at: impl Fn(f64) -> Vec<f64>) -> Vec<f64> {
+pub(super) fn slope(h: f64, at: impl Fn(f64) -> Vec<f64>) -> Vec<f64> {
     let [a, b, c, d] = [-2.0, -1.0, 1.0, 2.0].map(|k| at(k * h));
     (0..a.len()).map(|i| (a[i] - 8.0 * b[i] + 8.0 * c[i] - d[i]) / (12.0 * h)).collect()
 }
 
-fn distance<'a>(a: impl IntoIterator<Item = &'a f64>, b: impl IntoIterator<Item = &'a f64>) -> f64 {
+pub(super) fn distance<'a>(a: impl IntoIterator<Item = &'a f64>, b: impl IntoIterator<Item = &'a f64>) -> f64 {
     // NaN is kept: it is worse than any number.
     a.into_iter().zip(b).map(|(x, y)| (x - y).abs()).fold(0.0, |m, d| if d > m || d.is_nan() { d } else { m })
 }
@@ -147,7 +147,7 @@ fn the_implicit_stress_is_that_of_the_explicit_integrator() {
 }
 
 /// The tensor as a D² × D² matrix.
-fn full<const D: usize>(tangent: &Projected<f64, D>) -> DMatrix<f64> {
+pub(super) fn full<const D: usize>(tangent: &Projected<f64, D>) -> DMatrix<f64> {
     let mut m = DMatrix::zeros(D * D, D * D);
     for column in 0..D * D {
         let mut unit = [[0.0; D]; D];

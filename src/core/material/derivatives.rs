@@ -1,8 +1,8 @@
 //! Energies with their derivatives in principal space, for the implicit integrator.
 //!
-//! Plasticity is lagged: within a step every law is elastic, and its plastic state is fixed. The
-//! stress differs from that of the explicit integrator in two ways, because a line search also
-//! tries states that no body ever reaches:
+//! Here plasticity is lagged: within a step every law is elastic, and its plastic state is fixed
+//! (`flowing.rs` is the alternative). The stress differs from that of the explicit integrator in two
+//! ways, because a line search also tries states that no body ever reaches:
 //! * Fixed corotated energies, including those of von Mises and snow, take signed stretches without
 //!   a clamp. They are finite and restoring everywhere.
 //! * Energies in logarithmic strain (Hencky, NACC) take ln σ down to σ = [`EXTENSION`]. Below that
@@ -34,7 +34,7 @@ pub struct Derivatives<T, const D: usize> {
 }
 
 /// The elastic energies that the laws use.
-enum Elastic<T> {
+pub(super) enum Elastic<T> {
     FixedCorotated(FixedCorotated<T>),
     NeoHookean(NeoHookean<T>),
     Hencky(StvkHencky<T>),
@@ -46,7 +46,7 @@ impl<T: Real> Law<T> {
     ///
     /// # Panics
     /// For fluids. Scenes with fluids are refused before they get here.
-    fn elastic(&self, plastic: T) -> Elastic<T> {
+    pub(super) fn elastic(&self, plastic: T) -> Elastic<T> {
         match self {
             Self::FixedCorotated(law) => Elastic::FixedCorotated(*law),
             Self::NeoHookean(law) => Elastic::NeoHookean(*law),
@@ -110,7 +110,7 @@ impl<T: Real> Law<T> {
 }
 
 /// The stretch e^ε of the extended logarithmic strain ε(σ), with ε′ and ε″.
-fn extend<T: Real>(sigma: T) -> (T, T, T) {
+pub(super) fn extend<T: Real>(sigma: T) -> (T, T, T) {
     let s = T::from_f64(EXTENSION);
     if sigma >= s {
         (sigma, T::ONE / sigma, -T::ONE / (sigma * sigma))
@@ -119,8 +119,30 @@ fn extend<T: Real>(sigma: T) -> (T, T, T) {
     }
 }
 
-/// Derivatives of a law in logarithmic strain, given ∂τ_i/∂ε_j as `tangent`: ψ_i = τ_i ε′_i,
-/// ψ_ij = ∂τ_i/∂ε_j ε′_i ε′_j + δ_ij τ_i ε″_i.
+/// ψ_i = τ_i ε′_i of a law in logarithmic strain.
+pub(super) fn gradient<T: Real, const D: usize>(sigma: &Vector<T, D>, tau: &Vector<T, D>) -> Vector<T, D> {
+    std::array::from_fn(|i| tau[i] * extend(sigma[i]).1)
+}
+
+/// ψ_ij = ∂τ_i/∂ε_j ε′_i ε′_j + δ_ij τ_i ε″_i of a law in logarithmic strain, given ∂τ_i/∂ε_j as
+/// `tangent`.
+pub(super) fn hessian<T: Real, const D: usize>(
+    sigma: &Vector<T, D>,
+    tau: &Vector<T, D>,
+    tangent: &Matrix<T, D>,
+) -> Matrix<T, D> {
+    let mut hessian = *tangent;
+    for i in 0..D {
+        let (_, slope, curvature) = extend(sigma[i]);
+        for j in 0..D {
+            hessian[i][j] *= slope * extend(sigma[j]).1;
+        }
+        hessian[i][i] += tau[i] * curvature;
+    }
+    hessian
+}
+
+/// Derivatives of a law in logarithmic strain, given ∂τ_i/∂ε_j as `tangent`.
 fn extended<T: Real, L: Principal<T>, const D: usize>(
     sigma: &Vector<T, D>,
     law: &L,
@@ -129,16 +151,11 @@ fn extended<T: Real, L: Principal<T>, const D: usize>(
 ) -> Derivatives<T, D> {
     let stretch = sigma.map(|s| extend(s).0);
     let tau = law.kirchhoff(&stretch, plastic);
-    let (mut gradient, mut hessian) = (tau, tangent(&stretch));
-    for i in 0..D {
-        let (_, slope, curvature) = extend(sigma[i]);
-        for j in 0..D {
-            hessian[i][j] *= slope * extend(sigma[j]).1;
-        }
-        hessian[i][i] += tau[i] * curvature;
-        gradient[i] *= slope;
+    Derivatives {
+        energy: law.energy(&stretch, plastic),
+        gradient: gradient(sigma, &tau),
+        hessian: hessian(sigma, &tau, &tangent(&stretch)),
     }
-    Derivatives { energy: law.energy(&stretch, plastic), gradient, hessian }
 }
 
 fn extended_energy_and_pk1<T: Real, L: Principal<T>, const D: usize>(
@@ -148,9 +165,6 @@ fn extended_energy_and_pk1<T: Real, L: Principal<T>, const D: usize>(
 ) -> (T, Matrix<T, D>) {
     let Svd { u, sigma, v } = svd(f);
     let stretch = sigma.map(|s| extend(s).0);
-    let mut gradient = law.kirchhoff(&stretch, plastic);
-    for i in 0..D {
-        gradient[i] *= extend(sigma[i]).1;
-    }
+    let gradient = gradient(&sigma, &law.kirchhoff(&stretch, plastic));
     (law.energy(&stretch, plastic), spectral(&u, &gradient, &v))
 }

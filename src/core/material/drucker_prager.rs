@@ -16,8 +16,8 @@
 use super::StvkHencky;
 use super::opening;
 use super::parameters::{self, Cone};
-use super::principal::{Principal, mean_and_deviator, norm};
-use crate::maths::linalg::Vector;
+use super::principal::{Principal, flowing_along, mean_and_deviator, norm, radial};
+use crate::maths::linalg::{Matrix, Vector};
 use crate::maths::real::Real;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,6 +56,41 @@ impl<T: Real> DruckerPrager<T> {
     }
 }
 
+/// A trial strain beside the cone, once compression has closed what it can of the opening.
+struct Trial<T, const D: usize> {
+    deviator: Vector<T, D>,
+    /// ‖dev ε‖.
+    length: T,
+    /// tr ε after closing, and v_c.
+    trace: T,
+    apart: T,
+    /// d α_ψ, 0 while the grains are apart.
+    dilation: T,
+    /// tr ε at the tip, and what the state opens beyond it. Negative where it does not.
+    tip: T,
+    opened: T,
+    /// By how much ‖dev ε‖ flows if it does not open. Not positive inside the cone.
+    flow: T,
+    /// Whether a change of volume only opens or closes what is between the grains.
+    closing: bool,
+}
+
+impl<T: Real> DruckerPrager<T> {
+    fn trial<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Trial<T, D> {
+        let d = T::from_i32(D as i32);
+        let (mean, deviator) = mean_and_deviator(&sigma.map(T::ln));
+        let (trace, apart) = opening::close(d * mean, plastic);
+        let Slopes { dilatancy, strength, .. } = self.slopes(D);
+        let dilation = if apart > T::ZERO { T::ZERO } else { d * dilatancy };
+        let (growth, length) = (self.growth(D), norm(&deviator));
+        let tip = opening::tip(strength, growth);
+        let opened = trace - tip - dilation * length;
+        let flow = (length + growth * trace - strength) / (T::ONE + growth * dilation);
+        let closing = mean < T::ZERO && apart > T::ZERO;
+        Trial { deviator, length, trace, apart, dilation, tip, opened, flow, closing }
+    }
+}
+
 impl<T: Real> Slopes<T> {
     fn new(material: &parameters::DruckerPrager, elastic: &parameters::Elastic, dimension: usize) -> Self {
         let (phi, psi) = (material.friction_angle_degrees.to_radians(), material.dilatancy_angle_degrees.to_radians());
@@ -91,22 +126,33 @@ impl<T: Real> Principal<T> for DruckerPrager<T> {
 
     fn return_map<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Option<(Vector<T, D>, T)> {
         let d = T::from_i32(D as i32);
-        let (mean, deviator) = mean_and_deviator(&sigma.map(T::ln));
-        let (trace, apart) = opening::close(d * mean, plastic);
-        let Slopes { dilatancy, strength, .. } = self.slopes(D);
-        let dilation = if apart > T::ZERO { T::ZERO } else { d * dilatancy };
-        let (growth, length) = (self.growth(D), norm(&deviator));
-        let tip = opening::tip(strength, growth);
-        let opened = trace - tip - dilation * length;
+        let Trial { deviator, length, trace, apart, dilation, tip, opened, flow, .. } = self.trial(sigma, plastic);
         if opened >= T::ZERO {
             return Some(([(tip / d).exp(); D], apart + opened));
         }
-        let excess = length + growth * trace - strength;
-        if excess <= T::ZERO {
+        if flow <= T::ZERO {
             return (apart != plastic).then(|| (deviator.map(|e| (trace / d + e).exp()), apart));
         }
-        let flow = excess / (T::ONE + growth * dilation);
         let (mean, kept) = ((trace - flow * dilation) / d, T::ONE - flow / length);
         Some((deviator.map(|e| (mean + kept * e).exp()), apart))
+    }
+
+    /// That of flow which is associated with a cone of the dilatancy angle, of the same radius
+    /// ‖dev ε‖ at this state: without dilatancy the radius is fixed at that of the trial state's
+    /// pressure. It is exact where the two angles are the same. With the true growth of the radius
+    /// it would not be symmetric, and symmetrised it would dilate.
+    fn returned_tangent<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Matrix<T, D> {
+        let Trial { deviator, length, dilation, opened, flow, closing, .. } = self.trial(sigma, plastic);
+        let two_mu = T::TWO * self.elastic.mu;
+        let bulk = if closing { T::ZERO } else { self.elastic.bulk(D) };
+        if opened >= T::ZERO {
+            return [[T::ZERO; D]; D];
+        }
+        if flow <= T::ZERO {
+            return radial(&deviator, bulk, two_mu, two_mu);
+        }
+        let stiffness = radial(&deviator, bulk, two_mu, two_mu * (T::ONE - flow / length));
+        let dilation = dilation / T::from_i32(D as i32);
+        flowing_along(&stiffness, &deviator.map(|e| e / length + dilation))
     }
 }

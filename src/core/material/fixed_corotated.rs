@@ -75,6 +75,16 @@ impl<T: Real> FixedCorotated<T> {
         Derivatives { energy: Principal::energy(self, sigma, T::ZERO), gradient, hessian }
     }
 
+    /// d(2μ (σ − 1) σ)/d ln σ (Pa).
+    pub(super) fn shear_tangent(&self, sigma: T) -> T {
+        T::TWO * self.mu * (T::TWO * sigma - T::ONE) * sigma
+    }
+
+    /// d(λ (J − 1) J)/d ln J (Pa).
+    pub(super) fn volume_tangent(&self, j: T) -> T {
+        self.lambda * (T::TWO * j - T::ONE) * j
+    }
+
     /// Bound on the stiffness ρ0 c² (Pa) at F, see `Principal::stiffness`.
     #[inline(always)]
     pub fn stiffness_at<const D: usize>(&self, f: &Matrix<T, D>) -> T {
@@ -101,6 +111,15 @@ impl<T: Real> Principal<T> for FixedCorotated<T> {
     fn kirchhoff<const D: usize>(&self, sigma: &Vector<T, D>, _plastic: T) -> Vector<T, D> {
         let j = product(sigma);
         sigma.map(|s| T::TWO * self.mu * (s - T::ONE) * s + self.lambda * (j - T::ONE) * j)
+    }
+
+    /// 2μ (2σ_i − 1) σ_i δ_ij + λ (2J − 1) J.
+    fn returned_tangent<const D: usize>(&self, sigma: &Vector<T, D>, _plastic: T) -> Matrix<T, D> {
+        let mut tangent = [[self.volume_tangent(product(sigma)); D]; D];
+        for i in 0..D {
+            tangent[i][i] += self.shear_tangent(sigma[i]);
+        }
+        tangent
     }
 
     /// σ_i² ψ_ii = 2μ σ_i² + λ J². Across the axes, 2μ σ_j² (1 − 1/(σ_i + σ_j)) is less.

@@ -73,6 +73,9 @@ macro_rules! principal {
     };
 }
 
+// Below the macro, which it uses.
+mod flowing;
+
 impl<T: Real> Law<T> {
     pub fn new(material: &Material) -> Self {
         let elastic = || material.elastic().expect("only fluids have none");
@@ -228,6 +231,10 @@ pub fn cauchy(material: &Material, dimension: usize, f: &[f64; 9], plastic: f64)
 
 #[cfg(test)]
 mod derivative_tests;
+#[cfg(test)]
+mod flowing_newton_tests;
+#[cfg(test)]
+mod flowing_tests;
 #[cfg(test)]
 mod granular_tests;
 #[cfg(test)]

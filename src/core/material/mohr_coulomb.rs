@@ -22,8 +22,8 @@
 use super::StvkHencky;
 use super::opening;
 use super::parameters;
-use super::principal::{Principal, mean_and_deviator};
-use crate::maths::linalg::Vector;
+use super::principal::{Principal, flowing_along, mean_and_deviator, radial};
+use crate::maths::linalg::{Matrix, Vector};
 use crate::maths::real::Real;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,8 +54,27 @@ impl<T: Real> MohrCoulomb<T> {
         (T::ONE + sin) * most - (T::ONE - sin) * least + T::TWO * self.bulk() * sin * trace - self.strength
     }
 
-    /// Strains on the planes and edges that strains outside flow to. `None` inside.
-    fn flow<const D: usize>(&self, strain: &Vector<T, D>, trace: T, dilatancy: T) -> Option<Vector<T, D>> {
+    fn trial<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Trial<T, D> {
+        let d = T::from_i32(D as i32);
+        let (mean, deviator) = mean_and_deviator(&sigma.map(T::ln));
+        let (trace, apart) = opening::close(d * mean, plastic);
+        let strain = deviator.map(|e| e + trace / d);
+        let dilatancy = if apart > T::ZERO { T::ZERO } else { self.sin_dilatancy };
+        // At the tip, (1/d + k) tr ε = C/(2 sin φ).
+        let tip = opening::tip(self.strength, T::TWO * self.sin_friction * (T::ONE / d + self.bulk()));
+        let opened = trace - tip - dilation_of_all(&strain, dilatancy);
+        let closing = mean < T::ZERO && apart > T::ZERO;
+        Trial { strain, trace, apart, dilatancy, tip, opened, closing }
+    }
+
+    /// Strains on the planes and edges that strains outside flow to, and the directions of the one
+    /// or two flows; the second is 0 on a plane. `None` inside.
+    fn flow<const D: usize>(
+        &self,
+        strain: &Vector<T, D>,
+        trace: T,
+        dilatancy: T,
+    ) -> Option<(Vector<T, D>, [Vector<T, D>; 2])> {
         let order = falling(strain);
         let (high, middle, low) = (order[0], order[1], order[D - 1]);
         let excess = self.excess(strain[high], strain[low], trace);
@@ -69,6 +88,13 @@ impl<T: Real> MohrCoulomb<T> {
         let mut after = *strain;
         after[high] -= flow * more;
         after[low] += flow * less;
+        let along = |most: usize, least: usize| {
+            let mut direction = [T::ZERO; D];
+            direction[most] = more;
+            direction[least] = -less;
+            direction
+        };
+        let mut directions = [along(high, low), [T::ZERO; D]];
         if D == 3 && (after[high] < strain[middle] || after[low] > strain[middle]) {
             if is_extended(strain[high], strain[middle], strain[low], dilatancy) {
                 let second = self.excess(strain[high], strain[middle], trace);
@@ -76,16 +102,33 @@ impl<T: Real> MohrCoulomb<T> {
                 after[high] = strain[high] - flow * more;
                 after[low] = T::HALF * (strain[middle] + strain[low] + flow * less);
                 after[middle] = after[low];
+                directions[1] = along(high, middle);
             } else {
                 let second = self.excess(strain[middle], strain[low], trace);
                 let flow = (excess + second) / (plane + (T::ONE - sin) * less + volume);
                 after[low] = strain[low] + flow * less;
                 after[high] = T::HALF * (strain[high] + strain[middle] - flow * more);
                 after[middle] = after[high];
+                directions[1] = along(middle, low);
             }
         }
-        Some(after)
+        Some((after, directions))
     }
+}
+
+/// A trial strain once compression has closed what it can of the opening.
+struct Trial<T, const D: usize> {
+    /// With its trace, both after closing, and v_c.
+    strain: Vector<T, D>,
+    trace: T,
+    apart: T,
+    /// sin ψ, 0 while the grains are apart.
+    dilatancy: T,
+    /// tr ε at the tip, and what the state opens beyond it. Negative where it does not.
+    tip: T,
+    opened: T,
+    /// Whether a change of volume only opens or closes what is between the grains.
+    closing: bool,
 }
 
 /// Whether flow on the plane of the largest and the smallest strain makes the two smaller ones
@@ -135,20 +178,28 @@ impl<T: Real> Principal<T> for MohrCoulomb<T> {
     }
 
     fn return_map<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Option<(Vector<T, D>, T)> {
-        let d = T::from_i32(D as i32);
-        let (mean, deviator) = mean_and_deviator(&sigma.map(T::ln));
-        let (trace, apart) = opening::close(d * mean, plastic);
-        let strain = deviator.map(|e| e + trace / d);
-        let dilatancy = if apart > T::ZERO { T::ZERO } else { self.sin_dilatancy };
-        // At the tip, (1/d + k) tr ε = C/(2 sin φ).
-        let tip = opening::tip(self.strength, T::TWO * self.sin_friction * (T::ONE / d + self.bulk()));
-        let opened = trace - tip - dilation_of_all(&strain, dilatancy);
+        let Trial { strain, trace, apart, dilatancy, tip, opened, .. } = self.trial(sigma, plastic);
         if opened >= T::ZERO {
-            return Some(([(tip / d).exp(); D], apart + opened));
+            return Some(([(tip / T::from_i32(D as i32)).exp(); D], apart + opened));
         }
         match self.flow(&strain, trace, dilatancy) {
-            Some(after) => Some((after.map(T::exp), apart)),
+            Some((after, _)) => Some((after.map(T::exp), apart)),
             None => (apart != plastic).then(|| (strain.map(T::exp), apart)),
         }
+    }
+
+    /// That of flow on planes with the dilatancy angle in place of the friction angle, which are at
+    /// this state where the true ones are. It is exact where the two angles are the same, as for
+    /// Drucker–Prager.
+    fn returned_tangent<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Matrix<T, D> {
+        let Trial { strain, trace, dilatancy, opened, closing, .. } = self.trial(sigma, plastic);
+        if opened >= T::ZERO {
+            return [[T::ZERO; D]; D];
+        }
+        let two_mu = T::TWO * self.elastic.mu;
+        let bulk = if closing { T::ZERO } else { self.elastic.bulk(D) };
+        let tangent = radial(&strain, bulk, two_mu, two_mu);
+        let flow = self.flow(&strain, trace, dilatancy);
+        flow.map_or(tangent, |(_, [first, second])| flowing_along(&flowing_along(&tangent, &first), &second))
     }
 }

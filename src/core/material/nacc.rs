@@ -17,8 +17,8 @@
 
 use super::lame;
 use super::parameters;
-use super::principal::{Principal, mean_and_deviator, norm, product};
-use crate::maths::linalg::{Matrix, Vector};
+use super::principal::{Principal, mean_and_deviator, norm, product, radial};
+use crate::maths::linalg::{Matrix, Vector, mul};
 use crate::maths::real::Real;
 
 /// Plastic state: α = ln J_plastic.
@@ -69,25 +69,21 @@ impl<T: Real> Nacc<T> {
         (self.ellipse(p, q, self.strength(alpha)), p, q)
     }
 
-    /// ∂τ_i/∂ε_j, ε = ln σ (Pa). The deviator's part is
-    /// μ (2 δ_ij b_i − (2/d) (b_i + b_j) + (2/d²) tr b), b isochoric; the volume's part is κ J².
+    /// ∂τ_i/∂ε_j, ε = ln σ (Pa), of the elastic law: μ ∂dev(b)_i/∂ε_j + κ J².
     pub(super) fn tangent<const D: usize>(&self, sigma: &Vector<T, D>) -> Matrix<T, D> {
         let j = product(sigma);
-        let b = Self::isochoric(sigma, j);
-        let d = T::from_i32(D as i32);
-        let mean = b.iter().copied().sum::<T>() / d;
-        let mut tangent = [[T::ZERO; D]; D];
-        for i in 0..D {
-            for k in 0..D {
-                tangent[i][k] = T::TWO * self.mu / d * (mean - b[i] - b[k]) + self.kappa(D) * j * j;
-            }
-            tangent[i][i] += T::TWO * self.mu * b[i];
-        }
-        tangent
+        let slope = deviator_slope(&Self::isochoric(sigma, j));
+        slope.map(|row| row.map(|x| self.mu * x + self.kappa(D) * j * j))
     }
 
     fn q_factor<const D: usize>() -> T {
         T::from_f64((0.5 * (6 - D) as f64).sqrt())
+    }
+
+    /// The q/κ of the ellipse at p/κ.
+    fn largest_q(&self, p: T, p0: T) -> T {
+        let square = -self.m * self.m * (p + self.beta * p0) * (p - p0) / (T::ONE + T::TWO * self.beta);
+        square.max(T::ZERO).sqrt()
     }
 
     fn ellipse(&self, p: T, q: T, p0: T) -> T {
@@ -103,6 +99,20 @@ impl<T: Real> Nacc<T> {
         let square = m2 * dp * dp + (T::ONE + T::TWO * self.beta) * q * q;
         centre + dp * (m2 * half_axis * half_axis / square.max(T::TINY)).sqrt().min(T::ONE)
     }
+}
+
+/// ∂dev(b)_i/∂ε_j = 2 δ_ij b_i − (2/d) (b_i + b_j) + (2/d²) tr b, b isochoric and ε = ln σ.
+fn deviator_slope<T: Real, const D: usize>(b: &Vector<T, D>) -> Matrix<T, D> {
+    let d = T::from_i32(D as i32);
+    let mean = b.iter().copied().sum::<T>() / d;
+    let mut slope = [[T::ZERO; D]; D];
+    for i in 0..D {
+        for k in 0..D {
+            slope[i][k] = T::TWO / d * (mean - b[i] - b[k]);
+        }
+        slope[i][i] += T::TWO * b[i];
+    }
+    slope
 }
 
 /// The mean m of the isochoric b with the deviator d, solved from Π (d_i + m) = 1. Newton's
@@ -176,8 +186,7 @@ impl<T: Real> Principal<T> for Nacc<T> {
         if y <= T::ZERO {
             return None;
         }
-        let height = -self.m * self.m * (p + self.beta * p0) * (p - p0) / (T::ONE + T::TWO * self.beta);
-        let kept = height.max(T::ZERO).sqrt() / q;
+        let kept = self.largest_q(p, p0) / q;
         let (mean, deviator) = mean_and_deviator(&Self::isochoric(sigma, j));
         let deviator = deviator.map(|d| kept * d);
         let mean = isochoric_mean(&deviator, mean);
@@ -186,5 +195,23 @@ impl<T: Real> Principal<T> for Nacc<T> {
         let p_surface = self.towards_centre(p, q, p0);
         let j_surface = (T::ONE - T::TWO * p_surface).max(T::TINY).sqrt();
         Some((sigma, alpha + (j / j_surface).ln()))
+    }
+
+    /// Beyond the tips the stress is constant. Elsewhere τ_i = r dev(b)_i/‖dev(b)‖ − p; the radius
+    /// r(p) is held fixed, as for Drucker–Prager. Symmetric to the first order in the strain.
+    fn returned_tangent<const D: usize>(&self, sigma: &Vector<T, D>, alpha: T) -> Matrix<T, D> {
+        let (y, p, q) = self.yield_function(sigma, alpha);
+        let p0 = self.strength(alpha);
+        if p > p0 || p < -self.beta * p0 {
+            return [[T::ZERO; D]; D];
+        }
+        if y <= T::ZERO {
+            return self.tangent(sigma);
+        }
+        let j = product(sigma);
+        let b = Self::isochoric(sigma, j);
+        let kept = self.largest_q(p, p0) / q;
+        let across = radial(&mean_and_deviator(&b).1, T::ZERO, T::ZERO, self.mu * kept);
+        mul(&across, &deviator_slope(&b)).map(|row| row.map(|x| x + self.kappa(D) * j * j))
     }
 }

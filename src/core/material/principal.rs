@@ -1,7 +1,7 @@
 //! Isotropic laws in principal space, where each takes a few lines: F = U Σ Vᵀ, τ = U diag(τ_i) Uᵀ,
 //! and a return map changes Σ alone.
 
-use crate::maths::linalg::{Matrix, Vector, mul_transpose};
+use crate::maths::linalg::{Matrix, Vector, apply, dot, mul_transpose};
 use crate::maths::real::Real;
 use crate::maths::svd::{Svd, svd};
 
@@ -34,6 +34,10 @@ pub trait Principal<T: Real> {
     fn return_map<const D: usize>(&self, _sigma: &Vector<T, D>, _plastic: T) -> Option<(Vector<T, D>, T)> {
         None
     }
+
+    /// ∂τ_i/∂ε_j (Pa), τ the stress after the return map and ε = ln σ before it, for Newton's
+    /// method: what has no potential is left out or not symmetric, as each law says.
+    fn returned_tangent<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Matrix<T, D>;
 }
 
 fn clamped<T: Real, const D: usize>(sigma: &Vector<T, D>) -> Vector<T, D> {
@@ -105,6 +109,35 @@ pub fn product<T: Real, const D: usize>(sigma: &Vector<T, D>) -> T {
 pub fn mean_and_deviator<T: Real, const D: usize>(a: &Vector<T, D>) -> (T, Vector<T, D>) {
     let mean = a.iter().copied().sum::<T>() / T::from_i32(D as i32);
     (mean, a.map(|x| x - mean))
+}
+
+/// bulk 1 1ᵀ + along n nᵀ + across (I − 1 1ᵀ/d − n nᵀ), n the direction of a deviator: the tangent
+/// of a radial return.
+pub fn radial<T: Real, const D: usize>(deviator: &Vector<T, D>, bulk: T, along: T, across: T) -> Matrix<T, D> {
+    let length = norm(deviator).max(T::TINY);
+    let n = deviator.map(|e| e / length);
+    let mut tangent = [[bulk - across / T::from_i32(D as i32); D]; D];
+    for i in 0..D {
+        for j in 0..D {
+            tangent[i][j] += (along - across) * n[i] * n[j];
+        }
+        tangent[i][i] += across;
+    }
+    tangent
+}
+
+/// The stiffness C − (C m)(C m)ᵀ/(m·C m) that is left of C where a body flows freely along m. With
+/// m = 0 it is C.
+pub fn flowing_along<T: Real, const D: usize>(c: &Matrix<T, D>, m: &Vector<T, D>) -> Matrix<T, D> {
+    let stress = apply(c, m);
+    let divisor = dot(m, &stress).max(T::TINY);
+    let mut left = *c;
+    for i in 0..D {
+        for j in 0..D {
+            left[i][j] += -(stress[i] / divisor * stress[j]);
+        }
+    }
+    left
 }
 
 /// Euclidean length.

@@ -6,7 +6,7 @@
 use super::FixedCorotated;
 use super::parameters;
 use super::principal::{Principal, product};
-use crate::maths::linalg::Vector;
+use crate::maths::linalg::{Matrix, Vector};
 use crate::maths::real::Real;
 
 /// Plastic state: J_p, 1 at rest.
@@ -55,6 +55,28 @@ impl<T: Real> Principal<T> for Snow<T> {
         // Further extension would only shrink moduli that have vanished already.
         let volume = (plastic * product(sigma) / product(&clamped)).min(T::from_f64(MAX_PLASTIC_VOLUME));
         (clamped != *sigma).then_some((clamped, volume))
+    }
+
+    /// That of the axes that are not clamped, among themselves, and that of hardening for those that
+    /// are, −ξ J_p τ_i for all i and each such j: its diagonal, √(τ_i τ_j) beside it, and 0 where
+    /// it softens. Left out: the stress that an axis causes across clamped ones, which do not cause
+    /// one in return.
+    fn returned_tangent<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Matrix<T, D> {
+        let (after, plastic) = self.return_map(sigma, plastic).unwrap_or((*sigma, plastic));
+        let law = self.hardened(plastic);
+        let mut tangent = law.returned_tangent(&after, plastic);
+        let hardening = Principal::kirchhoff(&law, &after, plastic)
+            .map(|tau| (-(self.hardening * plastic * tau)).max(T::ZERO).sqrt());
+        for i in 0..D {
+            for j in 0..D {
+                match (after[i] != sigma[i], after[j] != sigma[j]) {
+                    (false, false) => {}
+                    (true, true) => tangent[i][j] = hardening[i] * hardening[j],
+                    _ => tangent[i][j] = T::ZERO,
+                }
+            }
+        }
+        tangent
     }
 }
 

@@ -35,6 +35,25 @@ pub struct Projected<T, const D: usize> {
 /// Smallest divisor σ_i + σ_j.
 const LEAST_SUM: f64 = 1e-6;
 
+/// (ψ_i − ψ_j)/(σ_i − σ_j) of a smooth ψ.
+pub(super) fn shear<T: Real, const D: usize>(
+    sigma: &Vector<T, D>,
+    derivatives: &Derivatives<T, D>,
+    i: usize,
+    j: usize,
+) -> T {
+    let Derivatives { gradient: g, hessian: h, .. } = derivatives;
+    // Half the second derivative across the two has an error of only the square of their difference.
+    let near = || T::HALF * (h[i][i] + h[j][j]) - h[i][j];
+    quotient(sigma[i], sigma[j], g[i] - g[j], near)
+}
+
+/// `difference`/(a − b), or `near` where the quotient would lose digits, near equal stretches.
+pub(super) fn quotient<T: Real>(a: T, b: T, difference: T, near: impl Fn() -> T) -> T {
+    let least = T::EPSILON.powf(T::from_f64(1.0 / 3.0)) * (a.abs() + b.abs()).max(T::from_f64(EXTENSION));
+    if (a - b).abs() > least { difference / (a - b) } else { near() }
+}
+
 /// The pairs of axes, indexed by the axis that is not in the pair.
 fn pairs<const D: usize>() -> impl Iterator<Item = (usize, usize, usize)> {
     [(0, 1, 2), (1, 2, 0), (2, 0, 1)].into_iter().filter(|&(_, i, j)| i < D && j < D)
@@ -43,23 +62,23 @@ fn pairs<const D: usize>() -> impl Iterator<Item = (usize, usize, usize)> {
 impl<T: Real, const D: usize> Projected<T, D> {
     /// The derivative itself, which is indefinite where ψ is not convex.
     pub(super) fn exact(at: &Svd<T, D>, derivatives: &Derivatives<T, D>) -> Self {
-        let Derivatives { gradient: g, hessian: h, .. } = derivatives;
+        Self::with_shear(at, &derivatives.gradient, derivatives.hessian, |i, j| shear(&at.sigma, derivatives, i, j))
+    }
+
+    /// The derivative from ∂ψ/∂σ, ∂²ψ/∂σ² and m = (ψ_i − ψ_j)/(σ_i − σ_j) of two axes (Pa).
+    pub(super) fn with_shear(
+        at: &Svd<T, D>,
+        gradient: &Vector<T, D>,
+        axial: Matrix<T, D>,
+        shear: impl Fn(usize, usize) -> T,
+    ) -> Self {
         let mut values = [[T::ZERO; 2]; 3];
         for (k, i, j) in pairs::<D>() {
-            let (a, b) = (at.sigma[i], at.sigma[j]);
-            let difference = a - b;
-            // Near equal stretches the quotient loses digits. Half the second derivative across
-            // them then has an error of only the square of their difference.
-            let near = T::EPSILON.powf(T::from_f64(1.0 / 3.0)) * (a.abs() + b.abs()).max(T::from_f64(EXTENSION));
-            let shear = if difference.abs() > near {
-                (g[i] - g[j]) / difference
-            } else {
-                T::HALF * (h[i][i] + h[j][j]) - h[i][j]
-            };
-            let turn = (g[i] + g[j]) / (a + b).max(T::from_f64(LEAST_SUM));
+            let shear = shear(i, j);
+            let turn = (gradient[i] + gradient[j]) / (at.sigma[i] + at.sigma[j]).max(T::from_f64(LEAST_SUM));
             values[k] = [T::HALF * (shear + turn), T::HALF * (shear - turn)];
         }
-        Self { u: at.u, v: at.v, axial: *h, pairs: values }
+        Self { u: at.u, v: at.v, axial, pairs: values }
     }
 
     /// The nearest positive semidefinite tensor.

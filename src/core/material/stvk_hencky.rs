@@ -23,6 +23,11 @@ impl<T: Real> StvkHencky<T> {
         Self { mu: T::from_f64(mu), lambda: T::from_f64(lambda) }
     }
 
+    /// λ + 2μ/d (Pa).
+    pub(super) fn bulk(&self, dimension: usize) -> T {
+        self.lambda + T::TWO * self.mu / T::from_i32(dimension as i32)
+    }
+
     /// ∂τ_i/∂ε_j = 2μ δ_ij + λ (Pa).
     pub(super) fn tangent<const D: usize>(&self) -> Matrix<T, D> {
         let mut tangent = [[self.lambda; D]; D];
@@ -40,6 +45,10 @@ impl<T: Real> Principal<T> for StvkHencky<T> {
         let strain = sigma.map(T::ln);
         let trace = strain.iter().copied().sum::<T>();
         self.mu * strain.iter().map(|&e| e * e).sum::<T>() + T::HALF * self.lambda * trace * trace
+    }
+
+    fn returned_tangent<const D: usize>(&self, _sigma: &Vector<T, D>, _plastic: T) -> Matrix<T, D> {
+        self.tangent()
     }
 
     fn kirchhoff<const D: usize>(&self, sigma: &Vector<T, D>, _plastic: T) -> Vector<T, D> {

@@ -11,9 +11,9 @@
 //! is then the mean of the other two). The radius therefore does not depend on the dimension.
 
 use super::parameters::{self, Elasticity};
-use super::principal::{Principal, mean_and_deviator, norm};
+use super::principal::{Principal, mean_and_deviator, norm, product, radial};
 use super::{FixedCorotated, StvkHencky};
-use crate::maths::linalg::Vector;
+use crate::maths::linalg::{Matrix, Vector, apply};
 use crate::maths::real::Real;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +28,20 @@ impl<T: Real> VonMises<T> {
     pub fn new(material: &parameters::VonMises, elastic: &parameters::Elastic) -> Self {
         let radius = T::from_f64((2.0f64 / 3.0).sqrt() * material.yield_stress);
         Self { hencky: StvkHencky::new(elastic), elasticity: material.elasticity, radius }
+    }
+
+    /// Mean and deviator of the part of the principal stress that contributes to the deviator,
+    /// 2μ ln σ or 2μ (σ − 1) σ (Pa), and the share of the deviator that the yield surface allows.
+    /// `None` inside it.
+    fn trial<const D: usize>(&self, sigma: &Vector<T, D>) -> (T, Vector<T, D>, Option<T>) {
+        let two_mu = T::TWO * self.hencky.mu;
+        let shear = match self.elasticity {
+            Elasticity::Hencky => sigma.map(|s| two_mu * s.ln()),
+            Elasticity::FixedCorotated => sigma.map(|s| two_mu * (s - T::ONE) * s),
+        };
+        let (mean, deviator) = mean_and_deviator(&shear);
+        let length = norm(&deviator);
+        (mean, deviator, (length > self.radius).then(|| self.radius / length))
     }
 
     pub(super) fn fixed_corotated(&self) -> FixedCorotated<T> {
@@ -59,18 +73,8 @@ impl<T: Real> Principal<T> for VonMises<T> {
 
     fn return_map<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Option<(Vector<T, D>, T)> {
         let two_mu = T::TWO * self.hencky.mu;
-        // The part of the principal stress that contributes to the deviator: 2μ ln σ or
-        // 2μ (σ − 1) σ.
-        let shear = match self.elasticity {
-            Elasticity::Hencky => sigma.map(|s| two_mu * s.ln()),
-            Elasticity::FixedCorotated => sigma.map(|s| two_mu * (s - T::ONE) * s),
-        };
-        let (mean, deviator) = mean_and_deviator(&shear);
-        let length = norm(&deviator);
-        if length <= self.radius {
-            return None;
-        }
-        let kept = self.radius / length;
+        let (mean, deviator, kept) = self.trial(sigma);
+        let kept = kept?;
         let on_surface = deviator.map(|x| mean + kept * x);
         let sigma = match self.elasticity {
             Elasticity::Hencky => on_surface.map(|x| (x / two_mu).exp()),
@@ -80,5 +84,33 @@ impl<T: Real> Principal<T> for VonMises<T> {
             }
         };
         Some((sigma, plastic))
+    }
+
+    /// Hencky: exact and symmetric, the second derivative of μ |e|² for |e| ≤ k, else of
+    /// μ k (2|e| − k), e = dev ε. Fixed corotated: exact, and symmetric to the first order in the
+    /// elastic strain.
+    fn returned_tangent<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Matrix<T, D> {
+        let two_mu = T::TWO * self.hencky.mu;
+        let (_, deviator, kept) = self.trial(sigma);
+        let (along, across) = kept.map_or((T::ONE, T::ONE), |kept| (T::ZERO, kept));
+        if self.elasticity == Elasticity::Hencky {
+            return radial(&deviator, self.hencky.bulk(D), along * two_mu, across * two_mu);
+        }
+        let law = self.fixed_corotated();
+        let Some((after, _)) = self.return_map(sigma, plastic) else {
+            return law.returned_tangent(sigma, plastic);
+        };
+        // The stress after the return, x' + λ (J' − 1) J', depends on the trial's x by x'(x).
+        let mut tangent = radial(&deviator, T::ONE / T::from_i32(D as i32), along, across);
+        let volume = law.volume_tangent(product(&after));
+        let least = T::EPSILON.sqrt() * two_mu;
+        let slopes = after.map(|s| T::ONE / law.shear_tangent(s).max(least));
+        let dilation = apply(&tangent, &slopes);
+        for row in &mut tangent {
+            for j in 0..D {
+                row[j] = (row[j] + volume * dilation[j]) * law.shear_tangent(sigma[j]);
+            }
+        }
+        tangent
     }
 }

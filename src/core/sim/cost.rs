@@ -11,6 +11,7 @@ use super::particles::Particles;
 use super::setup::{Integrator, Method, Setup};
 use super::source::Source;
 use super::timestep::{Bound, MIN_IMPLICIT_STEP_S, StepPlan, crossing_s, initial_extremes, limits, plan_steps};
+use super::touch;
 
 /// Explicit particle-steps per second: fixed corotated, f32, two cores of a server
 /// (docs/BENCHMARKS.md, fixed-corotated-pair small).
@@ -20,6 +21,9 @@ const EXPLICIT_PARTICLE_STEPS_PER_S: f64 = 9e6;
 /// step) and 135 thousand (faceless, 3). The value is low, so that nearly even cases stay explicit
 /// (docs/BENCHMARKS.md).
 const IMPLICIT_PARTICLE_STEPS_PER_S: f64 = 2e4;
+
+/// Why alternating directions do not run with colliders that act on particles.
+const ADMM_TOUCHES: &str = "the method `admm` has colliders act on nodes only";
 
 /// One way to integrate a problem, with its predicted cost.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,7 +85,6 @@ pub fn implicit_fault(setup: &Setup) -> Option<String> {
     let damped = setup.bodies.iter().find(|body| of(body).damping() > 0.0);
     let parted = setup.bodies.iter().find(|body| pair::own(body).is_some());
     let plastic = setup.bodies.iter().find(|body| !of(body).is_elastic());
-    let sheet = setup.colliders.iter().find(|collider| collider.sdf.is_sheet());
     match (fluid, damped, plastic) {
         (Some(body), ..) => Some(format!("the fluid '{}' can run explicitly only", body.name)),
         (_, Some(body), _) => Some(format!("'{}' has damping, which explicit steps alone have", body.name)),
@@ -90,7 +93,7 @@ pub fn implicit_fault(setup: &Setup) -> Option<String> {
         }
         _ => parted
             .map(|body| format!("'{}' has contact with other bodies, which explicit runs have only", body.name))
-            .or_else(|| sheet.map(|c| format!("'{}' is a sheet, which contact at nodes does not meet", c.name))),
+            .or_else(|| (setup.implicit.method == Method::Admm && touch::acts(setup)).then(|| ADMM_TOUCHES.into())),
     }
 }
 

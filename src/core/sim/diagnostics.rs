@@ -61,7 +61,7 @@ Row {
     /// Outer iterations of the implicit integrator in this frame; 0 in explicit runs, as in the
     /// next two columns.
     iterations: u64,
-    /// Largest residual at the end of a step, in the characteristic norm (HOT §5.2).
+    /// Largest residual at the end of a step, in the norm of the tolerance.
     residual: f64,
     /// Halvings of the line searches.
     halvings: u64,

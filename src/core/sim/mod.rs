@@ -20,6 +20,7 @@ pub mod setup;
 pub mod side;
 pub mod source;
 pub mod stats;
+pub mod surface;
 pub mod timestep;
 pub mod touch;
 pub mod volume;

@@ -8,7 +8,8 @@ pub use super::contact::{Contact, ContactKind};
 use super::notice::Notice;
 use super::particles::{IDENTITY, Particles};
 pub use super::settings::{
-    CoarseSolve, ContactAt, Implicit, Integrator, Kernel, Method, OutputField, Precision, Smoother, Transfer,
+    CoarseSolve, ContactAt, Implicit, Integrator, Kernel, Method, Norm, OutputField, Plasticity, Precision, Smoother,
+    Transfer,
 };
 use super::source::Source;
 use crate::material::initial_plastic_state;

@@ -12,7 +12,7 @@
 
 use super::collider::{ALWAYS, Collider, NORMAL_STEP_DX, Placed, Primitive, SdfOp};
 use super::pair;
-use super::setup::{ContactAt, Setup};
+use super::setup::{ContactAt, Integrator, Setup};
 use super::timestep::max_collider_speed_m_s;
 
 /// Layers of nodes: of no side, and of +x, −x, +y, −y, +z, −z. Twins of the constants: wgsl/explicit/beyond.wgsl.
@@ -39,9 +39,11 @@ pub const CLEARLY: f64 = 1.001;
 /// nodes on the middle have a side, and rounding does not decide which.
 pub const TIE_DX: f64 = 1.0 / 32.0;
 
-/// Whether particles have sides in this scene. Bodies with contact of their own have nodes to themselves already.
+/// Whether particles have sides in this scene. Bodies with contact of their own have nodes to themselves already;
+/// implicit steps have no sides.
 pub fn acts(setup: &Setup) -> bool {
     setup.contact_at == ContactAt::Particles
+        && setup.integrator != Integrator::Implicit
         && !pair::is_parted(setup)
         && setup.colliders.iter().any(|c| is_thin(c, setup))
 }

@@ -29,8 +29,8 @@ pub struct Solve {
     pub iterations: u32,
     /// Iterations of the linear solvers inside the outer iterations; a V-cycle counts as one.
     pub inner_iterations: u32,
-    /// ε sqrt(Σ |r_i|² / tol_i² / n), the residual in the characteristic norm (HOT §5.2); at most ε
-    /// when converged.
+    /// What is left, in the norm of the tolerance: the estimated error of Δv relative to its size, or
+    /// ε sqrt(Σ |r_i|² / tol_i² / n), the residual in the characteristic norm (HOT §5.2).
     pub residual: f64,
     /// Halvings of the line search.
     pub halvings: u32,

@@ -5,6 +5,7 @@
 //! K gap along the normal, K = E/dx h^(d−1). Friction and sticking are springs of the same K that
 //! the particle holds on to and carries along. They know where the face is, whatever the cells.
 
+use super::collider::Collider;
 use super::contact::{Contact, ContactKind};
 use super::particles::Particles;
 use super::setup::{Body, ContactAt, Setup};
@@ -57,28 +58,52 @@ pub fn acts(setup: &Setup) -> bool {
     setup.contact_at == ContactAt::Particles && setup.colliders.iter().any(|collider| !collider.grip)
 }
 
+/// The springs of each body's particles.
+pub fn of_bodies(setup: &Setup) -> Vec<Springs> {
+    setup.bodies.iter().map(|body| Springs::of(setup, body)).collect()
+}
+
 /// Lets particles that have met no faces yet meet those that are there at `time` (s).
 pub fn begin(setup: &Setup, particles: &mut Particles, time: f64) {
     if !acts(setup) {
         particles.touch.clear();
         return;
     }
-    let springs: Vec<Springs> = setup.bodies.iter().map(|body| Springs::of(setup, body)).collect();
+    let (springs, known) = (of_bodies(setup), particles.touch.len());
+    particles.touch.extend(particles.body[known..].iter().map(|body| Touch::new(&springs[*body as usize])));
+    meet(setup, particles, known, &springs, time, |_| true);
+}
+
+/// Lets all particles meet the faces that are there at `time` (s) and were not `before` (s).
+pub fn appear(setup: &Setup, particles: &mut Particles, before: f64, time: f64) {
+    if acts(setup) {
+        meet(setup, particles, 0, &of_bodies(setup), time, |collider| !collider.is_present(before));
+    }
+}
+
+/// Lets the particles from the `first` on meet the faces of `some` of the colliders that are there at `time` (s).
+fn meet(
+    setup: &Setup,
+    particles: &mut Particles,
+    first: usize,
+    springs: &[Springs],
+    time: f64,
+    some: impl Fn(&Collider) -> bool,
+) {
+    let there = |collider: &Collider| !collider.grip && collider.is_present(time) && some(collider);
     let colliders: Vec<_> = (1..)
         .zip(&setup.colliders)
-        .filter(|(_, collider)| !collider.grip && collider.is_present(time))
+        .filter(|(_, collider)| there(collider))
         .map(|(number, collider)| (number, collider.contact, collider.at(time)))
         .collect();
-    for id in particles.touch.len()..particles.len() {
-        let springs = &springs[particles.body[id] as usize];
-        let mut touch = Touch::new(springs);
-        for (number, contact, placed) in &colliders {
+    for (number, contact, placed) in &colliders {
+        for id in first..particles.touch.len() {
+            let springs = &springs[particles.body[id] as usize];
             let distance = placed.distance(particles.x[id]);
             if distance <= BONDED * springs.spacing {
-                touch.meet(springs, *number, *contact, distance);
+                particles.touch[id].meet(springs, *number, *contact, distance);
             }
         }
-        particles.touch.push(touch);
     }
 }
 

@@ -8,7 +8,7 @@ use crate::contract::{Backend, Control, Engine, EngineError, FrameStats, Solve};
 use gridfall_core::sim::divergence::{describe, worst};
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
-use gridfall_core::sim::setup::Setup;
+use gridfall_core::sim::setup::{Norm, Setup};
 use gridfall_core::sim::timestep::MIN_IMPLICIT_STEP_S;
 
 /// The stages of an implicit step on one device. A step is begun, minimised, perhaps revised and
@@ -129,6 +129,18 @@ impl ImplicitEngine {
         Err(EngineError::Diverged { step: self.step, time_s: self.time_s, what })
     }
 
+    /// A step that does not converge, however short.
+    fn unsolved(&self, solve: &Solve) -> EngineError {
+        let tolerance = self.stepper.setup().implicit.tolerance();
+        let what = format!(
+            "the shortest step of {:.0e} s still has an error of {:.1e} of its change of velocity after {} iterations, \
+             where the tolerance is {tolerance:.0e}; a larger `solver.implicit.tolerance`, or the integrator \
+             `explicit`, may do",
+            solve.dt_s, solve.residual, solve.iterations
+        );
+        EngineError::Diverged { step: self.step, time_s: self.time_s, what }
+    }
+
     /// Why the run ends with a step in which particles did this.
     fn failure(&self, moved: &Moved) -> Result<EngineError, EngineError> {
         let (step, time_s, setup) = (self.step, self.time_s, self.stepper.setup());
@@ -192,12 +204,16 @@ impl Engine for ImplicitEngine {
                 self.refuse_too_fast(dt)?;
             }
             let (solve, moved) = self.attempt(dt, longest_s.is_finite(), control)?;
-            if moved.is_too_long() && dt > MIN_IMPLICIT_STEP_S {
+            let unsolved = !solve.converged && self.stepper.setup().implicit.norm() == Norm::Error;
+            if (moved.is_too_long() || unsolved) && dt > MIN_IMPLICIT_STEP_S {
                 longest_s = 0.5 * dt;
                 continue;
             }
             if moved.is_too_long() || moved.outside.is_some() {
                 return Err(self.failure(&moved)?);
+            }
+            if unsolved {
+                return Err(self.unsolved(&solve));
             }
             self.stepper.keep();
             self.max_speed_m_s = moved.max_speed_m_s;

@@ -6,7 +6,7 @@ mod neighbours;
 
 use gridfall_core::sim::cost;
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::setup::{Axis, Body, Contact, ContactAt, Integrator, Problem, Setup};
+use gridfall_core::sim::setup::{Axis, Body, Contact, Problem, Setup};
 use rayon::prelude::*;
 
 use crate::grid::{cells, frames, stream};
@@ -75,9 +75,6 @@ pub(crate) fn build(scene: &Scene, resolved: &Resolved) -> Problem {
     problem.setup.notices.extend(sticking);
     (problem.setup.integrator, problem.setup.integrator_reason) =
         cost::choose(&problem.setup, &problem.particles, scene.solver.integrator);
-    if problem.setup.integrator == Integrator::Implicit {
-        problem.setup.contact_at = ContactAt::Nodes;
-    }
     problem
 }
 

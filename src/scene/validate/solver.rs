@@ -1,6 +1,6 @@
 //! Meaning of the solver's settings, and whether they suit the materials.
 
-use gridfall_core::sim::settings::Method;
+use gridfall_core::sim::settings::{Method, Norm, Plasticity};
 use gridfall_core::sim::setup::ContactAt;
 
 use crate::fault::join;
@@ -8,8 +8,9 @@ use crate::schema::{Body, ContactKind, Implicit, Integrator, Material, Scene, So
 use crate::validate::check::Check;
 use crate::validate::shape::sheet_in;
 
-/// Largest tolerance. Beyond it, the error of a step's velocities is as large as their change.
-const MAX_TOLERANCE: f64 = 1e-2;
+/// Largest tolerances. Beyond them, the error of a step's velocities may be as large as their change.
+const MAX_ERROR: f64 = 1e-1;
+const MAX_CHARACTERISTIC: f64 = 1e-2;
 /// Most levels: each has half the nodes along an axis, and no axis has more than 2¹⁶ cells.
 const MAX_LEVELS: u32 = 10;
 
@@ -25,7 +26,7 @@ pub fn check_solver(check: &mut Check, solver: &Solver) {
     check_implicit(check, &solver.implicit);
     if solver.integrator == Integrator::Implicit {
         check_materials(check, solver.implicit.method);
-        check_contact(check);
+        check_contact(check, solver);
     }
     check_sheets(check, solver);
 }
@@ -34,22 +35,30 @@ pub fn check_solver(check: &mut Check, solver: &Solver) {
 fn check_sheets(check: &mut Check, solver: &Solver) {
     let scene = check.scene;
     let Some(sheet) = scene.colliders.iter().find(|c| sheet_in("", &c.shape).is_some()) else { return };
-    let reason =
-        |why: &str| format!("the collider '{}' is a sheet, which particles meet and nodes do not{why}", sheet.name);
-    if solver.integrator == Integrator::Implicit {
-        let remedy = "write `explicit` or `auto`, or give the mesh thickness";
-        check.fault("/solver/integrator", "unsupported", reason(": implicit steps have contact at nodes only"), remedy);
-    } else if solver.contact == ContactAt::Nodes {
-        check.fault("/solver/contact", "unsupported", reason(""), "write `particles`, or give the mesh thickness");
+    if solver.contact == ContactAt::Nodes {
+        let reason = format!("the collider '{}' is a sheet, which particles meet and nodes do not", sheet.name);
+        check.fault("/solver/contact", "unsupported", reason, "write `particles`, or give the mesh thickness");
     }
 }
 
 fn check_implicit(check: &mut Check, implicit: &Implicit) {
     let at = |name: &str| join("/solver/implicit", name);
-    let tolerance = implicit.tolerance;
-    if check.finite(&at("tolerance"), tolerance) && !(tolerance > 0.0 && tolerance <= MAX_TOLERANCE) {
-        let remedy = format!("write a number above 0 and up to {MAX_TOLERANCE}; 1e-7 is usual, 1e-9 accurate");
+    let tolerance = implicit.tolerance();
+    let (most, usual) = match implicit.norm() {
+        Norm::Error => (MAX_ERROR, "1e-2 is usual, 1e-4 accurate"),
+        Norm::Characteristic => (MAX_CHARACTERISTIC, "1e-7 is usual, 1e-9 accurate"),
+    };
+    if check.finite(&at("tolerance"), tolerance) && !(tolerance > 0.0 && tolerance <= most) {
+        let remedy = format!("write a number above 0 and up to {most}; {usual}");
         check.fault(&at("tolerance"), "out_of_range", format!("the tolerance is {tolerance}"), remedy);
+    }
+    if implicit.method != Method::Newton && implicit.norm() == Norm::Error {
+        let reason = "only the method `newton` estimates the error of a step";
+        check.fault(&at("norm"), "unsupported", reason, "write `characteristic`, or the method `newton`");
+    }
+    if implicit.method != Method::Newton && implicit.plasticity() == Plasticity::Flowing {
+        let reason = "only the method `newton` lets materials flow within a step";
+        check.fault(&at("plasticity"), "unsupported", reason, "write `lagged`, or the method `newton`");
     }
     if !(1..=MAX_LEVELS).contains(&implicit.levels) {
         let remedy = format!("write a number from 1 to {MAX_LEVELS}; 3 is usual");
@@ -61,8 +70,13 @@ fn check_implicit(check: &mut Check, implicit: &Implicit) {
     }
 }
 
-/// Contact between bodies is explicit.
-fn check_contact(check: &mut Check) {
+/// Contact between bodies is explicit, and `admm` has none at particles.
+fn check_contact(check: &mut Check, solver: &Solver) {
+    let at_particles = solver.contact == ContactAt::Particles && !check.scene.colliders.is_empty();
+    if at_particles && solver.implicit.method == Method::Admm {
+        let reason = "`admm` has colliders act on nodes only".to_owned();
+        check.fault("/solver/contact", "unsupported", reason, "write `nodes`, or another implicit method");
+    }
     let own = |body: &&Body| body.contact.is_some_and(|kind| kind != ContactKind::Sticky);
     if let Some(body) = check.scene.bodies.iter().find(own) {
         let reason = format!("the body '{}' has contact with other bodies, which explicit runs have only", body.name);

@@ -20,8 +20,9 @@ SolverRow {
     iterations: u32,
     /// Iterations of the linear solvers inside the outer iterations; a V-cycle counts as one.
     inner_iterations: u32,
-    /// Residual at the step's end in the characteristic norm (HOT §5.2); at most the tolerance when
-    /// converged.
+    /// What is left at the step's end, in the norm of the tolerance: the estimated error of the change
+    /// of velocity relative to its size, or the residual in the characteristic norm (HOT §5.2). At
+    /// most the tolerance when converged.
     residual: f64,
     /// Halvings of the line search.
     halvings: u32,

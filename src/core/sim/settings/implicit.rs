@@ -7,8 +7,15 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields, default)]
 pub struct Implicit {
     pub method: Method,
-    /// ε of the node-wise characteristic norm (HOT §5.2); a step has converged when its scaled residual is below it.
-    pub tolerance: f64,
+    /// What the tolerance is measured in: for the method `newton` its `error`, for all others, which have no
+    /// estimate of it, `characteristic`.
+    pub norm: Option<Norm>,
+    /// A step has converged when its residual in the norm is at most this: 1e-2 unless given in the norm `error`, 1e-7
+    /// in the norm `characteristic`.
+    pub tolerance: Option<f64>,
+    /// When plastic materials flow: for the method `newton` within the step, for all others, which minimise an energy,
+    /// after it.
+    pub plasticity: Option<Plasticity>,
     /// Levels of the multigrid hierarchy, the grid of the particles included.
     pub levels: u32,
     pub smoother: Smoother,
@@ -23,8 +30,10 @@ pub struct Implicit {
 impl Default for Implicit {
     fn default() -> Self {
         Self {
-            method: Method::Hot,
-            tolerance: 1e-7,
+            method: Method::Newton,
+            norm: None,
+            tolerance: None,
+            plasticity: None,
             levels: 3,
             smoother: Smoother::Chebyshev,
             coarse_solve: CoarseSolve::Fixed,
@@ -34,10 +43,58 @@ impl Default for Implicit {
     }
 }
 
-/// How the step's minimisation is done. HOT is the default; the others are there to be compared with it (HOT §7).
+impl Implicit {
+    /// The norm, given or not.
+    pub fn norm(&self) -> Norm {
+        let own = if self.method == Method::Newton { Norm::Error } else { Norm::Characteristic };
+        self.norm.unwrap_or(own)
+    }
+
+    /// When materials flow, given or not.
+    pub fn plasticity(&self) -> Plasticity {
+        let own = if self.method == Method::Newton { Plasticity::Flowing } else { Plasticity::Lagged };
+        self.plasticity.unwrap_or(own)
+    }
+
+    /// The tolerance, given or not.
+    pub fn tolerance(&self) -> f64 {
+        let usual = match self.norm() {
+            Norm::Error => 1e-2,
+            Norm::Characteristic => 1e-7,
+        };
+        self.tolerance.unwrap_or(usual)
+    }
+}
+
+/// When plastic materials flow in an implicit step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Plasticity {
+    /// Within the step, whose forces are then those of the returned states.
+    Flowing,
+    /// After it, as published. Within the step all materials are elastic, so that what flows resists like a fluid of
+    /// the viscosity μ dt.
+    Lagged,
+}
+
+/// What the residual of an implicit step is measured in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Norm {
+    /// The error of the step's velocity increments, estimated with the V-cycle, relative to their size; both in the
+    /// norm of the nodes' masses. What gravity does in a step counts as the least size.
+    Error,
+    /// The node-wise characteristic norm, ε (HOT §5.2). It is scaled by stiffness, so it says little about accuracy.
+    Characteristic,
+}
+
+/// How a step's equations are solved. Newton's method is the default; the others are there to be compared with it
+/// (HOT §7).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
+    /// Newton's method with a Hessian that turns with the bodies, conjugate gradients preconditioned by HOT's V-cycle.
+    Newton,
     /// L-BFGS around one V-cycle of the node-embedding Galerkin multigrid.
     Hot,
     /// HOT with quadratic instead of linear embedding of nodes.
@@ -61,7 +118,8 @@ pub enum Method {
 }
 
 impl Method {
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
+        Self::Newton,
         Self::Hot,
         Self::HotQuadratic,
         Self::PnPcg,

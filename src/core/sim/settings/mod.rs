@@ -3,7 +3,7 @@
 
 mod implicit;
 
-pub use implicit::{CoarseSolve, Implicit, Method, Smoother};
+pub use implicit::{CoarseSolve, Implicit, Method, Norm, Plasticity, Smoother};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -76,7 +76,7 @@ impl Transfer {
 #[serde(rename_all = "kebab-case")]
 pub enum ContactAt {
     /// Springs between particles and faces: faces lie where they are, whatever the cells, and nothing
-    /// passes through. Implicit steps do not have it, and act on nodes.
+    /// passes through.
     #[default]
     Particles,
     /// Nodes inside a collider take its velocity, as CK-MPM and HOT have it: the cell decides where

@@ -23,6 +23,7 @@ use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::{Axis, Setup};
 use gridfall_core::sim::side;
+use gridfall_core::sim::surface;
 use gridfall_core::sim::timestep::{Extremes, demands_at_rest_1_s2};
 use gridfall_core::sim::touch::{self, Springs, Touch};
 use gridfall_core::sim::volume;
@@ -270,7 +271,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         let mut volumes = self.volumes.chunks_exact_mut(tile_size);
         let tiles = self.blocks.iter_mut().zip(self.tiles.chunks_exact_mut(tile_size));
         let (setup, springs, touches) = (&self.setup, &self.springs, !self.springs.is_empty());
-        let surfaces = touching::surfaces(setup, self.time_s + dt_s, dt_s);
+        let surfaces = surface::there_after(setup, self.time_s + dt_s, dt_s);
         let work: Vec<BlockWork<T, D>> = tiles.map(|(block, tile)| (block, tile, volumes.next())).collect();
         // One thread a block; a block's particles go to its own tile.
         let step = |gathered: &mut Gathered<T>, (index, work): (usize, BlockWork<T, D>)| {

@@ -7,81 +7,14 @@
 use super::chunk::{Chunk, Lanes};
 use super::tile::{BLOCK, SLACK};
 use gridfall_core::maths::real::Real;
-use gridfall_core::sim::collider::{NORMAL_STEP_DX, Placed, rotate, rotate_back};
 use gridfall_core::sim::reaction::{self, Reaction, WALLS};
-use gridfall_core::sim::setup::{Axis, Contact, ContactAt, Setup};
-use gridfall_core::sim::touch::{BONDED, Face, LEAST_STEP_DX, STANDOFF, Springs, Touch};
+use gridfall_core::sim::setup::{Axis, Setup};
+use gridfall_core::sim::surface::Surface;
+use gridfall_core::sim::touch::{BONDED, STANDOFF, Springs, Touch};
 
 /// Distance, as a share of the standoff, at which a particle that was stopped meets a sheet again; it
 /// stands farther from the face that has stopped it.
 const AGAIN: f64 = 0.2;
-
-/// A collider that acts on particles, before a step and after it.
-pub struct Surface<'a> {
-    /// Among the scene's colliders.
-    index: usize,
-    contact: Contact,
-    before: Placed<'a>,
-    after: Placed<'a>,
-    /// It was not there before the step.
-    appears: bool,
-    /// Of the step (s).
-    dt: f64,
-}
-
-impl Surface<'_> {
-    /// A point (m) that moves with the collider, after the step.
-    fn carried(&self, x: [f64; 3]) -> [f64; 3] {
-        self.after.motion.pose.to_space(self.before.motion.pose.to_start(x))
-    }
-
-    /// The point after a share of the way from `start`, seen from the collider, to `end`.
-    fn on_the_way(&self, [start, end]: [[f64; 3]; 2], share: f64) -> [f64; 3] {
-        let carried = self.carried(start);
-        std::array::from_fn(|a| carried[a] + share * (end[a] - carried[a]))
-    }
-
-    /// The face at a particle at `x` (m), after the step; `distance` is the particle's.
-    fn face(&self, x: [f64; 3], distance: f64, dx: f64) -> Face {
-        let step = NORMAL_STEP_DX * dx;
-        // On thin plates the differences stay on the particle's side.
-        let step = if distance > 0.0 { (0.5 * distance).clamp(LEAST_STEP_DX * dx, step) } else { step };
-        Face {
-            collider: self.index as u32 + 1,
-            contact: self.contact,
-            distance,
-            normal: self.after.normal(x, step),
-            velocity: self.arrival(x),
-        }
-    }
-
-    /// The velocity (m/s) with which what the collider has at `x` got there: the secant of its path.
-    fn arrival(&self, x: [f64; 3]) -> [f64; 3] {
-        if self.dt == 0.0 {
-            return self.after.velocity_at(x);
-        }
-        let from = self.before.motion.pose.to_space(self.after.motion.pose.to_start(x));
-        std::array::from_fn(|a| (x[a] - from[a]) / self.dt)
-    }
-}
-
-/// The colliders that act on particles, over the step of `dt` (s) that ends at `time` (s).
-pub fn surfaces(setup: &Setup, time: f64, dt: f64) -> Vec<Surface<'_>> {
-    if setup.contact_at == ContactAt::Nodes {
-        return Vec::new();
-    }
-    let acting = setup.colliders.iter().enumerate().filter(|(_, c)| !c.grip && c.is_present(time));
-    acting
-        .map(|(index, collider)| Surface {
-            index,
-            contact: collider.contact,
-            before: collider.at(time - dt),
-            after: collider.at(time),
-            appears: !collider.is_present(time - dt),
-            dt,
-        })
-        .collect()
-}
 
 /// What the particles of a block may touch.
 pub struct Contacts<'a> {
@@ -139,7 +72,7 @@ impl<'a> Contacts<'a> {
         for surface in self.near.iter().filter(|surface| surface.appears) {
             let distance = surface.after.distance(x);
             if distance <= BONDED * springs.spacing {
-                touch.meet(springs, surface.index as u32 + 1, surface.contact, distance);
+                touch.meet(springs, surface.number(), surface.contact, distance);
             }
         }
     }
@@ -163,7 +96,7 @@ impl<'a> Contacts<'a> {
             let mut stopped = false;
             for surface in &self.near {
                 if let Some(share) = surface.before.meets(&surface.after, start, end, least) {
-                    end = self.stop(surface, [start, end], share, springs);
+                    end = surface.stop([start, end], share, springs.spacing, self.setup.dx);
                     self.check(surface, chunk, l, corner, [start, end], mass, dt, taken);
                     stopped = true;
                 }
@@ -179,26 +112,15 @@ impl<'a> Contacts<'a> {
             if touch.with == 0 {
                 continue;
             }
-            match self.near.iter().find(|surface| surface.index as u32 + 1 == touch.with) {
+            match self.near.iter().find(|surface| surface.number() == touch.with) {
                 Some(surface) => {
                     let carried = surface.carried(start);
-                    let [before, after] = [&surface.before, &surface.after].map(|p| &p.motion.pose.rotation);
-                    let stretch = std::array::from_fn(|a| touch.stretch[a] + end[a] - carried[a]);
-                    touch.stretch = rotate(after, rotate_back(before, stretch));
+                    touch.stretch = surface.turned(std::array::from_fn(|a| touch.stretch[a] + end[a] - carried[a]));
                 }
                 None => *touch = Touch::new(springs),
             }
         }
         chunk.touch = Some(touches);
-    }
-
-    /// Where a particle ends that meets a face after a `share` of its way: it slides along the face.
-    fn stop(&self, surface: &Surface, [start, end]: [[f64; 3]; 2], share: f64, springs: &Springs) -> [f64; 3] {
-        let at = surface.on_the_way([start, end], share);
-        let n = surface.face(at, surface.after.distance(at), self.setup.dx).normal;
-        let inward = (0..3).map(|a| (end[a] - at[a]) * n[a]).sum::<f64>().min(0.0);
-        let along: [f64; 3] = std::array::from_fn(|a| end[a] - inward * n[a]);
-        if surface.after.distance(along) < 0.25 * STANDOFF * springs.spacing { at } else { along }
     }
 
     fn put<T: Real, const D: usize>(&self, chunk: &mut Chunk<T, D>, l: usize, corner: [f64; 3], x: [f64; 3]) {
@@ -252,7 +174,7 @@ impl<'a> Contacts<'a> {
             for surface in &self.near {
                 let distance = surface.after.distance(x);
                 nearest = nearest.min(distance);
-                if distance >= touch.radius && touch.with != surface.index as u32 + 1 {
+                if distance >= touch.radius && touch.with != surface.number() {
                     continue;
                 }
                 let force = touch.press(springs, &surface.face(x, distance, self.setup.dx), &v);

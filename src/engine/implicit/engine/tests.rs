@@ -32,7 +32,7 @@ impl Stepper for Scripted {
         Ok(())
     }
     fn minimise(&mut self, _control: &dyn Control) -> Result<Solve, EngineError> {
-        Ok(Solve { iterations: 2, inner_iterations: 3, halvings: 1, levels: 4, ..Solve::default() })
+        Ok(Solve { iterations: 2, inner_iterations: 3, halvings: 1, levels: 4, converged: true, ..Solve::default() })
     }
     fn revise(&mut self) -> Result<bool, EngineError> {
         Ok(self.revises)

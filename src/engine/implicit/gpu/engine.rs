@@ -12,6 +12,7 @@ use crate::implicit::step::max_speed_m_s;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::settings::{CoarseSolve, Method};
 use gridfall_core::sim::setup::{Axis, Setup};
+use gridfall_core::sim::touch;
 
 /// Fewest cells along a periodic axis: no node may be its own neighbour's neighbour from both
 /// sides.
@@ -25,6 +26,9 @@ pub fn supports(setup: &Setup) -> Result<(), String> {
     }
     if setup.implicit.coarse_solve != CoarseSolve::Fixed {
         return Err("the GPU engine has the coarse solve fixed".into());
+    }
+    if touch::acts(setup) {
+        return Err("the GPU's implicit engine has colliders act on nodes only (\"contact\": \"nodes\")".into());
     }
     if setup.materials.iter().any(|material| material.is_fluid()) {
         return Err("fluids are integrated explicitly".into());

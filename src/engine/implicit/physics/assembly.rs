@@ -1,4 +1,5 @@
-//! The Hessian as a matrix, gathered row by row: H_ij = m_i δ_ij I + Σ_p g_i · K_p · g_j.
+//! The Hessian as a matrix, gathered row by row: H_ij = m_i δ_ij I + Σ_p (g_i · K_p · g_j + w_i w_j
+//! k_p), k_p where faces press on particles.
 //!
 //! A row visits the groups that touch its node, and each particle there once. Because K is
 //! contracted with the row's g first, a pair of nodes costs D³ operations. HOT scatters, calls that
@@ -16,11 +17,27 @@ use gridfall_core::maths::widest::widest;
 /// Largest number of nodes of a particle: the cubic kernel's 4³.
 const MAX_NODES: usize = 64;
 
+/// Stiffness at the places of particles: w_i w_j K between nodes i and j.
+#[derive(Default)]
+pub struct AtParticles<const D: usize> {
+    /// The block of each particle, if there is one of that index; empty if there are none.
+    pub of: Vec<u32>,
+    /// dt² share K (kg).
+    pub blocks: Vec<Matrix<f64, D>>,
+}
+
+impl<const D: usize> AtParticles<D> {
+    pub fn get(&self, particle: usize) -> Option<&Matrix<f64, D>> {
+        self.blocks.get(*self.of.get(particle)? as usize)
+    }
+}
+
 /// The matrix of the nodes that have a freedom, which are the first; `tensors` are dt² V0 share K
 /// of the particles (kg m²), masses in kg.
 pub fn assemble<const D: usize>(
     topology: &Topology<D>,
     tensors: &[Tensor4<f64, D>],
+    points: &AtParticles<D>,
     masses: &[f64],
     freedoms: &[Freedom<D>],
 ) -> Bsr<f64, D> {
@@ -53,8 +70,12 @@ pub fn assemble<const D: usize>(
                     let sums = &mut sums[..topology.stride];
                     sums.fill([[0.0; D]; D]);
                     for p in topology.members(group) {
-                        let (_, g) = topology.stencil(p);
+                        let (w, g) = topology.stencil(p);
                         couple::<D>(&tensors[p], &g[local], g, sums);
+                        if let Some(k) = points.get(p) {
+                            let tied = sums.iter_mut().zip(w);
+                            tied.for_each(|(sum, w_j)| *sum = add_scaled(sum, w[local] * w_j, k));
+                        }
                     }
                     for (sum, &node) in sums.iter().zip(topology.nodes_of(group)) {
                         if (node as usize) < n {
@@ -139,14 +160,18 @@ fn constrain<const D: usize>(
 pub fn diagonal<const D: usize>(
     topology: &Topology<D>,
     tensors: &[Tensor4<f64, D>],
+    points: &AtParticles<D>,
     masses: &[f64],
     freedoms: &[Freedom<D>],
 ) -> Vec<Matrix<f64, D>> {
     let bring = |group: usize, shares: &mut [Matrix<f64, D>]| {
         for p in topology.members(group) {
-            let (_, g) = topology.stencil(p);
-            for (share, g) in shares.iter_mut().zip(g) {
+            let (w, g) = topology.stencil(p);
+            for ((share, g), w) in shares.iter_mut().zip(g).zip(w) {
                 couple::<D>(&tensors[p], g, std::slice::from_ref(g), std::slice::from_mut(share));
+                if let Some(k) = points.get(p) {
+                    *share = add_scaled(share, w * w, k);
+                }
             }
         }
     };

@@ -1,4 +1,5 @@
-//! What surfaces do to the nodes of an implicit step, decided at its start.
+//! What surfaces do to the nodes of an implicit step, decided at its start: walls of the domain, grips, and
+//! colliders where these act on nodes.
 //!
 //! Sticky surfaces prescribe a node's velocity. Slip surfaces, and separating ones that the node
 //! would run into, prescribe its normal component: the node may slide. A surface's velocity at a
@@ -15,7 +16,7 @@ use gridfall_core::maths::linalg::{Vector, dot};
 use gridfall_core::sim::collider::{Collider, NORMAL_STEP_DX, rotate};
 use gridfall_core::sim::contact::wall_side;
 use gridfall_core::sim::reaction::{self, Reaction};
-use gridfall_core::sim::setup::{Axis, Contact, ContactKind, Setup};
+use gridfall_core::sim::setup::{Axis, Contact, ContactAt, ContactKind, Setup};
 
 /// Nodes lighter than this fraction of the heaviest move freely, without forces: they would only
 /// make the system ill-conditioned.
@@ -71,7 +72,8 @@ impl<const D: usize> Boundary<D> {
     /// system come first.
     pub fn new(setup: &Setup, topology: &mut Topology<D>, nodes: &mut Vec<Node<D>>, time_s: f64, dt: f64) -> Self {
         let heaviest = nodes.iter().map(|node| node.mass).fold(0.0, f64::max);
-        let colliders = setup.colliders.iter().zip(reaction::WALLS..).filter(|(c, _)| c.is_present(time_s));
+        let holds = |c: &Collider| (c.grip || setup.contact_at == ContactAt::Nodes) && c.is_present(time_s);
+        let colliders = setup.colliders.iter().zip(reaction::WALLS..).filter(|(c, _)| holds(c));
         let present: Vec<Present> = colliders.map(|(collider, surface)| Present { surface, collider }).collect();
         let rule = |i: usize| {
             let falling: Vector<f64, D> = std::array::from_fn(|a| nodes[i].velocity[a] + dt * setup.gravity[a]);

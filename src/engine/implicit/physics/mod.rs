@@ -2,6 +2,7 @@
 
 mod assembly;
 mod boundary;
+mod contact;
 pub mod discretisation;
 mod friction;
 pub mod potential;

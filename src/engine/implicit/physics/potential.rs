@@ -8,20 +8,30 @@ use rayon::prelude::*;
 
 use self::linearised::Linearised;
 use self::splitting::Split;
-use super::assembly;
+use super::assembly::{self, AtParticles};
+use super::contact::{Faces, Response};
 use super::discretisation::Discretisation;
 use super::friction::{Drag, STICKING_DX};
 use super::state::BodySetup;
 use super::topology::period;
 use crate::contract::Control;
-use crate::implicit::solver::objective::{Freedom, LinearOperator, NodeId, NodeVectors, Objective, Splitting};
+use crate::implicit::solver::objective::{Freedom, LinearOperator, NodeId, NodeVectors, Objective, Renewed, Splitting};
 use crate::implicit::solver::sparse::Bsr;
-use gridfall_core::material::Tensor4;
-use gridfall_core::maths::linalg::{Matrix, Vector, add_scaled, apply, identity, mul, mul_transpose};
-use gridfall_core::sim::setup::Setup;
+use gridfall_core::material::{Law, Projected, Tensor4};
+use gridfall_core::maths::linalg::{
+    Matrix, Vector, add_scaled, apply, dot, double_dot, identity, mul, mul_transpose, transpose,
+};
+use gridfall_core::maths::svd::polar_rotation;
+use gridfall_core::sim::setup::{Plasticity, Setup};
 
 mod linearised;
 mod splitting;
+
+/// Largest |dt ∇v| of what flows that an iteration may add.
+const MOST_STRAIN: f64 = 0.3;
+
+/// Part of the nodes' velocities below which a change of them is rounding.
+const ROUNDING: f64 = 1e-6;
 
 /// Area of a node's characteristic norm over dx² (HOT §5.2); in 2D its length over dx, of the
 /// square of its neighbours.
@@ -37,8 +47,11 @@ pub struct Potential<'a, const D: usize> {
     control: &'a dyn Control,
     masses: Vec<f64>,
     scales: Vec<f64>,
+    /// Whether plastic materials flow within the step.
+    flowing: bool,
     /// With the Δv that their normal impulses come from, where the solve goes on.
     friction: Option<(Vec<Drag<D>>, NodeVectors<D>)>,
+    faces: Faces<'a, D>,
 }
 
 impl<'a, const D: usize> Potential<'a, D> {
@@ -53,14 +66,21 @@ impl<'a, const D: usize> Potential<'a, D> {
         let area = characteristic_area(D) * setup.dx.powi(D as i32 - 1);
         let masses = system.iter().map(|node| node.mass).collect();
         let scales = system.iter().map(|node| area * step.dt * node.stiffness).collect();
-        Self { setup, bodies, step, control, masses, scales, friction: None }
+        let flowing = setup.implicit.plasticity() == Plasticity::Flowing;
+        Self { setup, bodies, step, control, masses, scales, flowing, friction: None, faces: step.faces(setup) }
     }
 
     /// The same with the friction that the impulses (N s) of a solution without it cause, see
     /// [`Self::energy_and_forces`]; its solve goes on from that solution.
     pub fn with_friction(mut self, solved: NodeVectors<D>, impulses: &NodeVectors<D>) -> Self {
+        self.faces.renew(&self.step.velocities(&solved));
         self.friction = Some((self.step.boundary.drags(impulses), solved));
         self
+    }
+
+    /// The limits of friction (N) at the particles.
+    pub fn limits(&self) -> &[f64] {
+        self.faces.limits()
     }
 
     /// Friction's nodes, and the speed (m/s) below which they count as sticking.
@@ -125,7 +145,7 @@ impl<'a, const D: usize> Potential<'a, D> {
             let mut found = Vec::new();
             self.with_values(group, velocities, |p, local| {
                 let body = &self.bodies[self.step.state.body[p] as usize];
-                let (psi, pk1) = body.law.energy_and_pk1(&self.deformed(p, local), self.step.state.plastic[p]);
+                let (psi, pk1) = self.energy_and_pk1(&body.law, &self.deformed(p, local), self.step.state.plastic[p]);
                 energy += body.volume0 * psi;
                 let kirchhoff = mul_transpose(&pk1, &self.step.state.f[p]);
                 found.push(kirchhoff.map(|row| row.map(|x| self.step.dt * body.volume0 * x)));
@@ -137,6 +157,15 @@ impl<'a, const D: usize> Potential<'a, D> {
             *stresses = parts.iter().flat_map(|part| &part.1).copied().collect();
         }
         sum(parts.iter().map(|part| part.0)) / self.share()
+    }
+
+    /// ψ (J/m³) and P (Pa) of a particle at the step's end. What flows within the step has no energy
+    /// that solvers may compare: ψ is 0, or infinite where the law forbids the state.
+    fn energy_and_pk1(&self, law: &Law<f64>, f: &Matrix<f64, D>, plastic: f64) -> (f64, Matrix<f64, D>) {
+        if !(self.flowing && law.is_plastic()) {
+            return law.energy_and_pk1(f, plastic);
+        }
+        law.flowing_pk1(f, plastic).map_or((f64::INFINITY, [[0.0; D]; D]), |pk1| (0.0, pk1))
     }
 
     /// ½ Σ m_i |Δv_i|² − dt Σ m_i g·Δv_i (J).
@@ -154,17 +183,29 @@ impl<'a, const D: usize> Potential<'a, D> {
         let velocities = self.step.velocities(dv);
         let mut stresses = Vec::new();
         let energy = self.stresses(&velocities, Some(&mut stresses)) + self.inertia(dv);
-        (energy, self.forces(&velocities, &stresses))
+        let pressed = self.faces.responses(&velocities);
+        (energy + self.faces.energy(&pressed) / self.share(), self.forces(&velocities, &stresses, &pressed))
     }
 
-    /// Inertia's ∇ (kg m/s) with that of the particles, dt V0 P Fⁿᵀ (J s), at all nodes.
-    fn forces(&self, velocities: &NodeVectors<D>, stresses: &[Matrix<f64, D>]) -> NodeVectors<D> {
+    /// Inertia's ∇ (kg m/s) with that of the particles, dt V0 P Fⁿᵀ (J s) and what faces do to them, at all
+    /// nodes.
+    fn forces(
+        &self,
+        velocities: &NodeVectors<D>,
+        stresses: &[Matrix<f64, D>],
+        pressed: &[Response<D>],
+    ) -> NodeVectors<D> {
         let bring = |group: usize, shares: &mut [Vector<f64, D>]| {
             for p in self.step.topology.members(group) {
-                let (_, g) = self.step.topology.stencil(p);
+                let (w, g) = self.step.topology.stencil(p);
                 for (share, g) in shares.iter_mut().zip(g) {
                     let force = apply(&stresses[p], g);
                     (0..D).for_each(|a| share[a] += force[a]);
+                }
+                if let Some(press) = self.faces.of(pressed, p) {
+                    for (share, w) in shares.iter_mut().zip(w) {
+                        (0..D).for_each(|a| share[a] -= self.step.dt * w * press.force[a]);
+                    }
                 }
             }
         };
@@ -191,22 +232,41 @@ impl<'a, const D: usize> Potential<'a, D> {
         project(&self.step.boundary.freedoms, forces);
     }
 
+    /// The matrix of a Hessian, of the particles' tensors at Δv.
+    fn matrix(&self, dv: &NodeVectors<D>, tensors: &[Tensor4<f64, D>]) -> Bsr<f64, D> {
+        let (topology, freedoms) = (&self.step.topology, &self.step.boundary.freedoms);
+        let mut matrix = assembly::assemble(topology, tensors, &self.pressed(dv), &self.masses, freedoms);
+        for (node, block) in self.resistances(dv) {
+            matrix.add_to_diagonal(node, &self.projected(node, &block));
+        }
+        matrix
+    }
+
     /// S M S of a node.
     fn projected(&self, node: usize, m: &Matrix<f64, D>) -> Matrix<f64, D> {
         self.step.boundary.freedoms[node].projection().map_or(*m, |s| mul(&mul(&s, m), &s))
     }
 
+    /// Stiffness of what faces do to particles.
+    fn pressed(&self, dv: &NodeVectors<D>) -> AtParticles<D> {
+        self.faces.stiffness(&self.faces.responses(&self.step.velocities(dv)))
+    }
+
     /// dt² V0 share K of every particle (kg m²), K of
-    /// [`gridfall_core::material::Projected::spatial`]; for assembly and products.
-    fn tensors(&self, dv: &NodeVectors<D>) -> Vec<Tensor4<f64, D>> {
+    /// [`gridfall_core::material::Projected::spatial`]; for assembly and products. `derivative` gets a
+    /// particle's law, its deformation gradient at the step's end and its number.
+    fn tensors(
+        &self,
+        dv: &NodeVectors<D>,
+        derivative: impl Fn(&Law<f64>, &Matrix<f64, D>, usize) -> Projected<f64, D> + Sync,
+    ) -> Vec<Tensor4<f64, D>> {
         let velocities = self.step.velocities(dv);
         let of_group = |group: usize| {
             let mut tensors = Vec::new();
             self.with_values(group, &velocities, |p, local| {
                 let body = &self.bodies[self.step.state.body[p] as usize];
-                let derivative = body.law.projected_derivative(&self.deformed(p, local), self.step.state.plastic[p]);
                 let factor = self.step.dt * self.step.dt * body.volume0 * self.share();
-                let mut k = derivative.spatial(&self.step.state.f[p]);
+                let mut k = derivative(&body.law, &self.deformed(p, local), p).spatial(&self.step.state.f[p]);
                 k.iter_mut().flatten().flatten().flatten().for_each(|x| *x *= factor);
                 tensors.push(k);
             });
@@ -215,6 +275,17 @@ impl<'a, const D: usize> Potential<'a, D> {
         let groups = (0..self.step.topology.groups()).into_par_iter().with_min_len(8);
         groups.map(of_group).collect::<Vec<_>>().into_iter().flatten().collect()
     }
+
+    /// The tensors of the projected Hessian at Δv, elastic within the step.
+    fn elastic_tensors(&self, dv: &NodeVectors<D>) -> Vec<Tensor4<f64, D>> {
+        self.tensors(dv, |law, f, p| law.projected_derivative(f, self.step.state.plastic[p]))
+    }
+}
+
+/// R(end) R(start)ᵀ start: the start's stretch, turned to the end.
+fn turned<const D: usize>(end: &Matrix<f64, D>, start: &Matrix<f64, D>) -> Matrix<f64, D> {
+    let stretch = mul(&transpose(&polar_rotation(start)), start);
+    mul(&polar_rotation(end), &stretch)
 }
 
 /// A sum in the order of the values, in parts, so that rounding grows slowly.
@@ -292,7 +363,8 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
 
     fn energy(&self, dv: &NodeVectors<D>) -> f64 {
         let velocities = self.step.velocities(dv);
-        self.stresses(&velocities, None) + self.inertia(dv) + self.dissipation(&velocities)
+        let pressed = self.faces.energy(&self.faces.responses(&velocities)) / self.share();
+        self.stresses(&velocities, None) + self.inertia(dv) + self.dissipation(&velocities) + pressed
     }
 
     fn energy_and_gradient(&self, dv: &NodeVectors<D>, gradient: &mut NodeVectors<D>) -> f64 {
@@ -304,12 +376,56 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
     }
 
     fn hessian(&self, dv: &NodeVectors<D>) -> Bsr<f64, D> {
-        let mut matrix =
-            assembly::assemble(&self.step.topology, &self.tensors(dv), &self.masses, &self.step.boundary.freedoms);
-        for (node, block) in self.resistances(dv) {
-            matrix.add_to_diagonal(node, &self.projected(node, &block));
+        self.matrix(dv, &self.elastic_tensors(dv))
+    }
+
+    fn tangent(&self, dv: &NodeVectors<D>, elastic: bool) -> Bsr<f64, D> {
+        let derivative = |law: &Law<f64>, f: &Matrix<f64, D>, p: usize| {
+            let (start, plastic) = (&self.step.state.f[p], self.step.state.plastic[p]);
+            if self.flowing && law.is_plastic() && !elastic {
+                law.flowing_derivative(f, plastic)
+            } else {
+                law.projected_derivative(&turned(f, start), plastic)
+            }
+        };
+        self.matrix(dv, &self.tensors(dv, derivative))
+    }
+
+    fn reach(&self, p: &NodeVectors<D>) -> f64 {
+        if !self.flowing {
+            return 1.0;
         }
-        matrix
+        let of_group = |group: usize| {
+            let mut most = 0.0f64;
+            self.with_values(group, p, |particle, local| {
+                if self.bodies[self.step.state.body[particle] as usize].law.is_plastic() {
+                    let strain = self.gradient_of(particle, local).map(|row| row.map(|x| self.step.dt * x));
+                    most = most.max(double_dot(&strain, &strain));
+                }
+            });
+            most
+        };
+        let groups = (0..self.step.topology.groups()).into_par_iter().with_min_len(8);
+        let most = groups.map(of_group).reduce(|| 0.0, f64::max).sqrt();
+        (MOST_STRAIN / most).min(1.0)
+    }
+
+    fn renew(&mut self, dv: &NodeVectors<D>) -> Renewed {
+        self.faces.renew(&self.step.velocities(dv))
+    }
+
+    /// An error ε of velocities in the norm of the Hessian is one of ε √M ‖v‖ √ΣK dt of the faces' impulse.
+    fn sharpness(&self) -> f64 {
+        let mass = self.share() * sum(self.masses.iter().copied());
+        1.0 / (self.step.dt * (self.faces.holding() / mass).sqrt()).max(1.0)
+    }
+
+    fn least_change(&self) -> f64 {
+        let nodes = &self.step.nodes[..self.step.unknowns()];
+        let mass: f64 = sum(self.masses.iter().copied());
+        let speed = sum(nodes.iter().map(|node| node.mass * dot(&node.velocity, &node.velocity)));
+        let fall = dot(&self.setup.gravity, &self.setup.gravity).sqrt() * self.step.dt;
+        (fall * mass.sqrt()).max(ROUNDING * speed.sqrt())
     }
 
     fn linearised<'a>(&'a self, dv: &NodeVectors<D>) -> Box<dyn LinearOperator<D> + 'a> {
@@ -319,10 +435,12 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
     fn coarse_hessian(&self, dv: &NodeVectors<D>, level: u32) -> (Vec<NodeId<D>>, Bsr<f64, D>) {
         let dx = self.setup.dx * f64::from(1u32 << level);
         let (coarse, order) = self.step.coarsened(self.setup, self.bodies, dx);
-        let tensors = self.tensors(dv);
+        let tensors = self.elastic_tensors(dv);
         let tensors: Vec<_> = order.iter().map(|&p| tensors[p as usize]).collect();
         let masses: Vec<f64> = coarse.nodes[..coarse.unknowns()].iter().map(|node| node.mass).collect();
-        let matrix = assembly::assemble(&coarse.topology, &tensors, &masses, &coarse.boundary.freedoms);
+        let mut points = self.pressed(dv);
+        points.of = order.iter().filter_map(|&p| points.of.get(p as usize)).copied().collect();
+        let matrix = assembly::assemble(&coarse.topology, &tensors, &points, &masses, &coarse.boundary.freedoms);
         (coarse.topology.nodes[..coarse.unknowns()].to_vec(), matrix)
     }
 

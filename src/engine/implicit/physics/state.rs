@@ -5,6 +5,7 @@ use gridfall_core::material::Law;
 use gridfall_core::maths::linalg::{Matrix, Vector, from_row_major, to_row_major};
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Setup;
+use gridfall_core::sim::touch::Touch;
 
 /// What all particles of a body share.
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +38,8 @@ pub struct State<const D: usize> {
     pub f: Vec<Matrix<f64, D>>,
     pub plastic: Vec<f64>,
     pub body: Vec<u32>,
+    /// Empty where no faces act on particles.
+    pub touch: Vec<Touch>,
 }
 
 pub fn vector<const D: usize>(x: &[f64; 3]) -> Vector<f64, D> {
@@ -54,6 +57,7 @@ impl<const D: usize> State<D> {
             f: ids().map(|i| from_row_major(&particles.f[i])).collect(),
             plastic: ids().map(|i| particles.plastic[i]).collect(),
             body: ids().map(|i| particles.body[i]).collect(),
+            touch: ids().filter_map(|i| particles.touch.get(i)).copied().collect(),
         }
     }
 
@@ -69,6 +73,7 @@ impl<const D: usize> State<D> {
             f: pick(&self.f, order),
             plastic: pick(&self.plastic, order),
             body: pick(&self.body, order),
+            touch: if self.touch.is_empty() { Vec::new() } else { pick(&self.touch, order) },
         }
     }
 
@@ -81,6 +86,9 @@ impl<const D: usize> State<D> {
             particles.b[id] = to_row_major(&self.b[p], 0.0);
             particles.f[id] = to_row_major(&self.f[p], 1.0);
             particles.plastic[id] = self.plastic[p];
+            if let Some(touch) = self.touch.get(p) {
+                particles.touch[id] = *touch;
+            }
         }
     }
 }

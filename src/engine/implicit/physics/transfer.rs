@@ -131,6 +131,7 @@ pub fn grid_to_particles<const D: usize>(
         f: moved.iter().map(|m| m.3).collect(),
         plastic: moved.iter().map(|m| m.4).collect(),
         body: state.body.clone(),
+        touch: state.touch.clone(),
     };
     (after, moves)
 }

@@ -274,6 +274,15 @@ impl<const D: usize> Objective<D> for Body<D> {
         vec![[0.0; D]; self.nodes.len()]
     }
 
+    /// Small deformations: nothing turns.
+    fn tangent(&self, dv: &NodeVectors<D>, _elastic: bool) -> Bsr<f64, D> {
+        self.hessian(dv)
+    }
+
+    fn least_change(&self) -> f64 {
+        0.0
+    }
+
     fn energy(&self, dv: &NodeVectors<D>) -> f64 {
         let mut gradient = dv.clone();
         self.energy_and_gradient(dv, &mut gradient)

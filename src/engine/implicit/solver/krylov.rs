@@ -36,9 +36,7 @@ impl<const D: usize> Preconditioner<D> for BlockJacobi<f64, D> {
     }
 }
 
-/// Solves A x = b from x = 0 until zᵀr ≤ goal(z0ᵀb). β is Polak and Ribière's,
-/// zᵀ(r − r_old) / z_oldᵀ r_old, which for a fixed preconditioner is the usual one and keeps the
-/// directions conjugate to the last one for any other ("flexible"). Returns the iterations.
+/// Solves A x = b from x = 0 until zᵀr ≤ goal(z0ᵀb).
 pub fn conjugate_gradients<const D: usize>(
     operator: &dyn LinearOperator<D>,
     preconditioner: &mut dyn Preconditioner<D>,
@@ -46,16 +44,30 @@ pub fn conjugate_gradients<const D: usize>(
     x: &mut NodeVectors<D>,
     goal: impl Fn(f64) -> f64,
 ) -> u32 {
+    let mut least = None;
+    let done = |zr: f64, _: &NodeVectors<D>| zr <= *least.get_or_insert_with(|| goal(zr));
+    conjugate_gradients_until(operator, preconditioner, b, x, done)
+}
+
+/// Solves A x = b from x = 0 until `done(zᵀr, x)`. β is Polak and Ribière's,
+/// zᵀ(r − r_old) / z_oldᵀ r_old, which for a fixed preconditioner is the usual one and keeps the
+/// directions conjugate to the last one for any other ("flexible"). Returns the iterations.
+pub fn conjugate_gradients_until<const D: usize>(
+    operator: &dyn LinearOperator<D>,
+    preconditioner: &mut dyn Preconditioner<D>,
+    b: &NodeVectors<D>,
+    x: &mut NodeVectors<D>,
+    mut done: impl FnMut(f64, &NodeVectors<D>) -> bool,
+) -> u32 {
     x.fill([0.0; D]);
     let mut r = b.clone();
     let mut z: NodeVectors<D> = vec![[0.0; D]; b.len()];
     precondition(preconditioner, &r, &mut z);
     let mut zr = dot(&z, &r);
-    let goal = goal(zr);
     let mut p = z.clone();
     let mut ap: NodeVectors<D> = vec![[0.0; D]; b.len()];
     let mut iterations = 0;
-    while zr > goal && iterations < MAX_ITERATIONS {
+    while zr > 0.0 && !done(zr, x) && iterations < MAX_ITERATIONS {
         operator.apply(&p, &mut ap);
         let pap = dot(&p, &ap);
         if pap.is_nan() || pap <= 0.0 {
@@ -75,7 +87,7 @@ pub fn conjugate_gradients<const D: usize>(
 }
 
 /// z with zᵀr > 0, unless the preconditioner cannot give one.
-fn precondition<const D: usize>(
+pub fn precondition<const D: usize>(
     preconditioner: &mut dyn Preconditioner<D>,
     r: &NodeVectors<D>,
     z: &mut NodeVectors<D>,

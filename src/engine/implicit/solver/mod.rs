@@ -14,12 +14,14 @@ mod lbfgs;
 mod line_search;
 mod newton;
 pub mod objective;
+mod patches;
 pub(crate) mod policy;
 pub(crate) mod smoother;
 mod solve;
 pub mod sparse;
 mod spectrum;
 mod tolerance;
+mod turning;
 mod vcycle;
 pub(crate) mod verbs;
 

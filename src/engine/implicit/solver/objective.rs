@@ -40,6 +40,16 @@ impl<const D: usize> Freedom<D> {
     }
 }
 
+/// What [`Objective::renew`] has changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Renewed {
+    Nothing,
+    /// ∇E, by a little.
+    Forces,
+    /// ∇E and the Hessian, by much: faces press on other particles than before, or friction holds what slid.
+    Contacts,
+}
+
 /// The step's minimisation problem over the velocity increments Δv of its nodes (m/s).
 ///
 /// Nodes whose velocity is prescribed are not part of the system. A node that may only slide keeps
@@ -80,7 +90,36 @@ pub trait Objective<const D: usize>: Sync {
     /// trace(H_ii)/D · (I − S) added to its diagonal block.
     fn hessian(&self, dv: &NodeVectors<D>) -> Bsr<f64, D>;
 
-    /// The same Hessian as a product without a matrix.
+    /// The Hessian for Newton's method at Δv (kg): like [`Self::hessian`], but of particles that are
+    /// stretched as at the step's start, and turned to where they are at Δv. Along the way, a body
+    /// that turns by θ is stretched by θ²/2 where nodes move straight; a Hessian there resists
+    /// rotation. Materials that flow within the step resist as `elastic` ones in the first iteration,
+    /// whose start is strained by its turn alone, and where flow has led astray.
+    fn tangent(&self, dv: &NodeVectors<D>, elastic: bool) -> Bsr<f64, D>;
+
+    /// The largest part of a direction p of Δv that a solver may go at once: where a material flows,
+    /// its stress hardly depends on its strain, and a full Newton step is stress over inertia, far
+    /// outside what its equations were linearised for.
+    fn reach(&self, _p: &NodeVectors<D>) -> f64 {
+        1.0
+    }
+
+    /// Fixes for an iteration from Δv what has no energy otherwise, the limits of friction.
+    fn renew(&mut self, _dv: &NodeVectors<D>) -> Renewed {
+        Renewed::Nothing
+    }
+
+    /// Part of the tolerance that the error of velocities may have, so that the forces of stiff faces have
+    /// no larger error than the tolerance either; at most 1.
+    fn sharpness(&self) -> f64 {
+        1.0
+    }
+
+    /// The size (kg^½ m/s) below which changes of velocity, in the norm of the masses, do not
+    /// matter: that of free fall in a step, or rounding's part of the velocities.
+    fn least_change(&self) -> f64;
+
+    /// [`Self::hessian`] as a product without a matrix.
     fn linearised<'a>(&'a self, dv: &NodeVectors<D>) -> Box<dyn LinearOperator<D> + 'a>;
 
     /// The Hessian on the grids coarsened `level` times, from the quadrature of the same particles

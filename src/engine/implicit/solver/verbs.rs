@@ -28,6 +28,11 @@ pub fn norm<const D: usize>(a: &NodeVectors<D>) -> f64 {
     dot(a, a).sqrt()
 }
 
+/// sqrt(Σ m_i |a_i|²).
+pub fn mass_norm<const D: usize>(a: &NodeVectors<D>, masses: &[f64]) -> f64 {
+    sum(a.len(), |i| masses[i] * dot_vectors(&a[i], &a[i])).sqrt()
+}
+
 /// sqrt(Σ |a_i|² / scale_i² / n) (HOT §5.2).
 pub fn scaled_norm<const D: usize>(a: &NodeVectors<D>, scales: &[f64]) -> f64 {
     let n = a.len().max(1) as f64;

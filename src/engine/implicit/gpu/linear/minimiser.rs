@@ -87,7 +87,7 @@ impl Run<'_> {
         solve.residual = residual(&at);
         let mut progress = Progress::new(NOISE, solve.residual);
         // Unlike the CPU, a failed line search strengthens the smoothers without a rebuild first.
-        let &Implicit { tolerance, rebuild, .. } = settings;
+        let (tolerance, rebuild) = (settings.tolerance(), settings.rebuild);
         let mut lifetime = Lifetime::new(Rules { tolerance, with_age: rebuild, after_failure: false });
         let mut stretch = 1.0;
         loop {

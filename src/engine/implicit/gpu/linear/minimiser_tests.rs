@@ -10,7 +10,7 @@ use crate::gpu::memory::{Memory, Scope, storage, uniform};
 use crate::gpu::program::{Dispatch, Dispatches, Workgroups};
 use crate::gpu::{Gpu, Shader, Variant};
 use crate::implicit::gpu::interface::{Evaluate, System, sizes};
-use gridfall_core::sim::settings::{Implicit, Smoother};
+use gridfall_core::sim::settings::{Implicit, Method, Smoother};
 use gridfall_core::sim::setup::Kernel;
 
 /// ∇E and partial sums of E. Rows as in product.wgsl.
@@ -196,7 +196,8 @@ fn minima_are_newtons_and_repeatable() {
     let gpu = test_gpu();
     for kernel in KERNELS {
         for smoother in [Smoother::Chebyshev, Smoother::GaussSeidel] {
-            let settings = Implicit { smoother, tolerance: TOLERANCE, ..Implicit::default() };
+            let settings =
+                Implicit { method: Method::Hot, smoother, tolerance: Some(TOLERANCE), ..Implicit::default() };
             let mut minimiser = Minimiser::new(kernel, settings);
             for (stiff_pa, kappa) in [(1e6, 0.0), (1e7, 0.01)] {
                 let case = Case::new(&gpu, kernel, stiff_pa, kappa);
@@ -225,7 +226,10 @@ fn minima_are_newtons_and_repeatable() {
 fn rounding_ends_the_loop_and_is_owned_up_to() {
     let gpu = test_gpu();
     let case = Case::new(&gpu, Kernel::Quadratic, 1e8, 0.1);
-    let mut minimiser = Minimiser::new(Kernel::Quadratic, Implicit { tolerance: 1e-14, ..Implicit::default() });
+    let mut minimiser = Minimiser::new(
+        Kernel::Quadratic,
+        Implicit { method: Method::Hot, tolerance: Some(1e-14), ..Implicit::default() },
+    );
     let (x, solve) = case.run(&gpu, &mut minimiser);
     println!("{solve:?}, in f64 {:e}", case.residual(&x));
     assert!(!solve.converged && solve.residual > 1e-14);
@@ -237,7 +241,8 @@ fn rounding_ends_the_loop_and_is_owned_up_to() {
 fn a_limit_on_iterations_and_a_start_that_is_not_finite() {
     let gpu = test_gpu();
     let case = Case::new(&gpu, Kernel::Quadratic, 1e8, 0.1);
-    let mut minimiser = Minimiser::new(Kernel::Quadratic, Implicit { max_iterations: 2, ..Implicit::default() });
+    let mut minimiser =
+        Minimiser::new(Kernel::Quadratic, Implicit { method: Method::Hot, max_iterations: 2, ..Implicit::default() });
     let (_, solve) = case.run(&gpu, &mut minimiser);
     assert!(!solve.converged && solve.iterations == 2 && solve.inner_iterations == 2 && solve.levels == 3, "{solve:?}");
     let stride = case.system.stride as usize;

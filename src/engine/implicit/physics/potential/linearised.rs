@@ -1,7 +1,7 @@
 //! The Hessian as a product without a matrix.
 
 use super::{Potential, project};
-use crate::implicit::physics::assembly;
+use crate::implicit::physics::assembly::{self, AtParticles};
 use crate::implicit::solver::objective::{LinearOperator, NodeVectors};
 use gridfall_core::material::Tensor4;
 use gridfall_core::maths::linalg::{Matrix, Vector, add_scaled, apply};
@@ -12,12 +12,15 @@ pub struct Linearised<'a, const D: usize> {
     tensors: Vec<Tensor4<f64, D>>,
     /// Friction's part, by node.
     resistances: Vec<(usize, Matrix<f64, D>)>,
+    /// That of faces that act on particles.
+    points: AtParticles<D>,
 }
 
 impl<'a, const D: usize> Linearised<'a, D> {
     /// At Δv.
     pub fn new(potential: &'a Potential<'a, D>, dv: &NodeVectors<D>) -> Self {
-        Self { potential, tensors: potential.tensors(dv), resistances: potential.resistances(dv) }
+        let (resistances, points) = (potential.resistances(dv), potential.pressed(dv));
+        Self { potential, tensors: potential.elastic_tensors(dv), resistances, points }
     }
 }
 
@@ -31,7 +34,7 @@ impl<const D: usize> LinearOperator<D> for Linearised<'_, D> {
         project(freedoms, &mut moving);
         let bring = |group: usize, shares: &mut [Vector<f64, D>]| {
             potential.with_values(group, &moving, |p, local| {
-                let (_, g) = potential.step.topology.stencil(p);
+                let (w, g) = potential.step.topology.stencil(p);
                 let mut grad = [[0.0; D]; D];
                 for (u, g) in local.iter().zip(g) {
                     for a in 0..D {
@@ -47,6 +50,12 @@ impl<const D: usize> LinearOperator<D> for Linearised<'_, D> {
                 for (share, g) in shares.iter_mut().zip(g) {
                     let force = apply(&stress, g);
                     (0..D).for_each(|a| share[a] += force[a]);
+                }
+                if let Some(k) = self.points.get(p) {
+                    let mut u = [0.0; D];
+                    local.iter().zip(w).for_each(|(x, w)| (0..D).for_each(|a| u[a] += w * x[a]));
+                    let force = apply(k, &u);
+                    shares.iter_mut().zip(w).for_each(|(share, w)| (0..D).for_each(|a| share[a] += w * force[a]));
                 }
             });
         };
@@ -69,6 +78,7 @@ impl<const D: usize> LinearOperator<D> for Linearised<'_, D> {
         let mut blocks = assembly::diagonal(
             &potential.step.topology,
             &self.tensors,
+            &self.points,
             &potential.masses,
             &potential.step.boundary.freedoms,
         );

@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use super::Potential;
-use crate::implicit::physics::assembly;
+use crate::implicit::physics::assembly::{self, AtParticles};
 use crate::implicit::solver::objective::{NodeVectors, Objective, Splitting};
 use crate::implicit::solver::sparse::Bsr;
 use crate::implicit::solver::verbs::inverse;
@@ -60,7 +60,7 @@ impl<const D: usize> Splitting<D> for Split<'_, D> {
         };
         let stresses: Vec<_> = self.deformations(dv).iter().zip(targets).enumerate().map(stress).collect();
         let velocities = self.0.step.velocities(dv);
-        let mut forces = self.0.forces(&velocities, &stresses);
+        let mut forces = self.0.forces(&velocities, &stresses, &[]);
         self.0.complete(&velocities, &mut forces);
         forces
     }
@@ -78,7 +78,8 @@ impl<const D: usize> Splitting<D> for Split<'_, D> {
         };
         let tensors: Vec<_> = (0..potential.step.state.f.len()).into_par_iter().map(tensor).collect();
         let freedoms = &potential.step.boundary.freedoms;
-        let mut matrix = assembly::assemble(&potential.step.topology, &tensors, &potential.masses, freedoms);
+        let (topology, none) = (&potential.step.topology, AtParticles::default());
+        let mut matrix = assembly::assemble(topology, &tensors, &none, &potential.masses, freedoms);
         for (node, block) in potential.resistances(&potential.start()) {
             matrix.add_to_diagonal(node, &potential.projected(node, &block));
         }

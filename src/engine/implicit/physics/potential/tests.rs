@@ -41,7 +41,7 @@ fn problem(dimension: usize, kernel: &str, transfer: &str, random: &mut StdRng) 
                           "motion": {{ "angular_velocity": [{spin}], "center": [0.2, 0.3{z}] }} }} ],
         "time": {{ "end": 1, "frame_rate": 10 }},
         "solver": {{ "integrator": "implicit", "kernel": "{kernel}", "transfer": "{transfer}",
-          "precision": "f64" }} }}"#,
+          "contact": "nodes", "precision": "f64" }} }}"#,
         z = three(", 0"),
         one = three(", 0.8"),
         two = three(", 0.2"),
@@ -217,9 +217,9 @@ fn alternating_directions_find_the_same_minimum() {
             }
         }
         let step = Step::<2>::new(problem);
-        let potential = step.potential();
-        let minimise =
-            |method: Method, tolerance: f64| solve(&potential, &Implicit { method, tolerance, ..Implicit::default() });
+        let minimise = |method: Method, tolerance: f64| {
+            solve(&mut step.potential(), &Implicit { method, tolerance: Some(tolerance), ..Implicit::default() })
+        };
         let (expected, reference) = minimise(Method::Hot, 1e-10);
         let (found, solved) = minimise(Method::Admm, 1e-8);
         println!("{kernel}: {reference:?} {solved:?}");
