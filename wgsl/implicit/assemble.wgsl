@@ -3,6 +3,9 @@
 // One workgroup a row. Its lanes first contract K with g_i for a chunk of particles, one particle a
 // lane; then each lane, which owns one neighbour, adds up Σ_p (K g_i) g_j over the chunk. Then S_i
 // A S_j, and trace/3 · (I - S) and friction on the diagonal.
+// The sum of a row is not added up from blocks of stiffness, which cancel. All g_j of a particle add
+// up to 0, so Σ_j A_ij over all nodes is what is no stiffness. Without the nodes that are not in the
+// system, and with S, it is S_i ((m + friction) S_i - Σ_outside A_ij S_i + Σ_j≠i A_ij (S_j - S_i)).
 //
 // uses implicit/cells, implicit/particle, implicit/freedom, implicit/friction, implicit/neighbour
 // uses implicit/upper, shared/mls
@@ -16,6 +19,7 @@ var<workgroup> corners: array<vec3<i32>, CHUNK>; // of the particle's block, rel
 var<workgroup> run_first: array<u32, RUNS>;
 var<workgroup> run_sum: array<u32, RUNS>;        // particles of the runs up to this one
 var<workgroup> run_corner: array<vec3<i32>, RUNS>;
+var<workgroup> row_parts: array<mat3x3<f32>, WIDE>;
 
 fn g_of(t: u32, grid: u32, k: vec3<u32>) -> vec3<f32> {
     let w = vec3<f32>(stencils[t].w[grid][k.x].x, stencils[t].w[grid][k.y].y, stencils[t].w[grid][k.z].z);
@@ -107,35 +111,57 @@ fn main(
         }
         workgroupBarrier();
     }
-    if (lane >= SLOTS) {
-        return;
-    }
-    let column = columns[lane * params.stride + row];
-    if (column == NO_NODE) {
-        block = mat3x3<f32>();
-    } else {
-        let S = projection(freedoms[row]);
-        if (column == row) {
+    let S = projection(freedoms[row]);
+    var part: mat3x3<f32>;
+    var missing: mat3x3<f32>; // what the row's own block is completed by
+    if (lane < SLOTS) {
+        let column = columns[lane * params.stride + row];
+        if (column == NO_NODE) {
+            part = -(S * block * S);
+            block = mat3x3<f32>();
+        } else if (column == row) {
+            let identity = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
             let m = masses[row];
-            block += mat3x3<f32>(m, 0.0, 0.0, 0.0, m, 0.0, 0.0, 0.0, m);
+            block += m * identity;
             let mean = (block[0].x + block[1].y + block[2].z) / 3.0;
-            block = S * block * S + mean * (mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0) - S);
+            missing = mean * (identity - S);
+            var drag: mat3x3<f32>;
             let at = dense_node(n, grid);
             let v = node[at].xyz + vec3<f32>(trial[row], trial[params.stride + row], trial[2u * params.stride + row]);
             let kept = u32(begin[at].w);
             for (var t = 0u; t < kept; t++) {
                 let touch = touches[3u * at + t];
                 if (touch.impulse.w > 0.0) {
-                    block += S * drag_hessian(touch, v) * S;
+                    drag += S * drag_hessian(touch, v) * S;
                 }
             }
+            block = S * block * S + missing + drag;
+            part = m * S + drag;
         } else {
-            block = S * block * projection(freedoms[column]);
+            let other_S = projection(freedoms[column]);
+            part = S * block * (other_S - S);
+            block = S * block * other_S;
+        }
+        for (var a = 0u; a < 3u; a++) {
+            for (var c = 0u; c < 3u; c++) {
+                values[(lane * 9u + 3u * a + c) * params.stride + row] = block[c][a];
+            }
         }
     }
-    for (var a = 0u; a < 3u; a++) {
-        for (var c = 0u; c < 3u; c++) {
-            values[(lane * 9u + 3u * a + c) * params.stride + row] = block[c][a];
+    row_parts[lane] = part;
+    for (var half = WIDE / 2u; half > 0u; half /= 2u) {
+        workgroupBarrier();
+        if (lane < half) {
+            row_parts[lane] += row_parts[lane + half];
+        }
+    }
+    workgroupBarrier();
+    if (lane < SLOTS && columns[lane * params.stride + row] == row) {
+        let anchor = row_parts[0] + missing;
+        for (var a = 0u; a < 3u; a++) {
+            for (var c = 0u; c < 3u; c++) {
+                anchors[(3u * a + c) * params.stride + row] = anchor[c][a];
+            }
         }
     }
 }

@@ -99,6 +99,8 @@ struct Touch { normal: vec4<f32>, velocity: vec4<f32>, arm: vec4<f32>, impulse: 
 @group(0) @binding(44) var<storage, read_write> touches: array<Touch>; // three a dense node
 @group(0) @binding(45) var<storage, read_write> reactions: array<f32>; // block, surface, force and moment
 @group(0) @binding(46) var<storage, read_write> presses: array<vec4<f32>>; // block and grid: push, pull (N s), friction
+@group(0) @binding(47) var<storage, read_write> anchors: array<f32>;
+@group(0) @binding(48) var<storage, read_write> speeds: array<f32>;
 
 const LANES = 64u;
 const NO_NODE = 0xffffffffu;

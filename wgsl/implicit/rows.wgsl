@@ -31,6 +31,7 @@ fn main(
     ids[row] = vec4<i32>(index, i32((g / 64u) % GRIDS));
     freedoms[row] = kind;
     masses[row] = node[g].w;
+    speeds[row] = length(node[g].xyz);
     scales[row] = 24.0 * params.dx * params.dx * params.dt * node_scale[g];
     let first = begin[g].xyz - node[g].xyz;
     for (var a = 0u; a < 3u; a++) {

@@ -12,6 +12,7 @@
 @group(0) @binding(6) var<storage, read> x_in: array<f32>;
 @group(0) @binding(7) var<storage, read_write> d: array<f32>;
 @group(0) @binding(8) var<storage, read_write> x_out: array<f32>;
+@group(0) @binding(9) var<storage, read> anchors: array<f32>;
 
 fn gathered(row: u32) -> vec3<f32> {
     return vec3<f32>(x_in[row], x_in[level.stride + row], x_in[2u * level.stride + row]);

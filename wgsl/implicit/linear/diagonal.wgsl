@@ -8,6 +8,7 @@
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<storage, read_write> values: array<f32>;
 @group(0) @binding(2) var<storage, read_write> inverse: array<f32>;
+@group(0) @binding(3) var<storage, read_write> anchors: array<f32>;
 
 // Relative to the largest eigenvalue: above the roundings of a product with S, below every ratio
 // that f32 can make use of.
@@ -67,7 +68,9 @@ fn main(@builtin(global_invocation_id) thread: vec3<u32>) {
         if (eigenvalue < SINGULAR * largest) {
             for (var r = 0u; r < 3u; r++) {
                 for (var c = 0u; c < 3u; c++) {
-                    values[at + (3u * r + c) * level.stride] += (largest - eigenvalue) * v[k][r] * v[k][c];
+                    let missing = (largest - eigenvalue) * v[k][r] * v[k][c];
+                    values[at + (3u * r + c) * level.stride] += missing;
+                    anchors[row + (3u * r + c) * level.stride] += missing;
                 }
             }
             eigenvalue = largest;

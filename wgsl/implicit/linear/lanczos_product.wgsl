@@ -13,6 +13,7 @@
 @group(0) @binding(6) var<storage, read_write> p_next: array<f32>;
 @group(0) @binding(7) var<storage, read_write> ap: array<f32>;
 @group(0) @binding(8) var<storage, read_write> products: array<f32>;
+@group(0) @binding(9) var<storage, read> anchors: array<f32>;
 
 fn gathered(row: u32) -> vec3<f32> {
     let n = level.stride;

@@ -8,6 +8,7 @@
 @group(0) @binding(3) var<storage, read> b: array<f32>;
 @group(0) @binding(4) var<storage, read> x_in: array<f32>;
 @group(0) @binding(5) var<storage, read_write> r: array<f32>;
+@group(0) @binding(6) var<storage, read> anchors: array<f32>;
 
 fn gathered(row: u32) -> vec3<f32> {
     return vec3<f32>(x_in[row], x_in[level.stride + row], x_in[2u * level.stride + row]);

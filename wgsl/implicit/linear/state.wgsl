@@ -5,7 +5,7 @@ struct State {
     energy: vec2<f32>,
     // Σ |∇E_i|² / scale_i² at the iterate.
     residual2: f32,
-    // φ'(0) = −zᵀ∇E of the search direction −z.
+    // φ'(0) = −zᵀ∇E of the search direction −z; zᵀ∇E where it is taken with the state.
     slope: f32,
     // Step of the line search, tried or accepted.
     alpha: f32,

@@ -21,8 +21,8 @@ const LEAST_PERIOD: usize = 8;
 /// Whether the engine can run a problem at all; the reason if not.
 pub fn supports(setup: &Setup) -> Result<(), String> {
     crate::explicit::gpu::supports(setup)?;
-    if setup.implicit.method != Method::Hot {
-        return Err("the GPU engine has the implicit method hot".into());
+    if !matches!(setup.implicit.method, Method::Newton | Method::Hot) {
+        return Err("the GPU engine has the implicit methods newton and hot".into());
     }
     if setup.implicit.coarse_solve != CoarseSolve::Fixed {
         return Err("the GPU engine has the coarse solve fixed".into());

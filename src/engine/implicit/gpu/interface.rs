@@ -6,6 +6,7 @@ use wgpu::{Buffer, ComputePass};
 use crate::contract::EngineError;
 use crate::gpu::Gpu;
 use crate::gpu::memory::{Memory, Size, Sizes, storage};
+use crate::implicit::solver::objective::Renewed;
 use gridfall_core::sim::setup::Kernel;
 
 /// In the buffer `columns`: no neighbour there.
@@ -25,10 +26,13 @@ pub const NO_NODE: u32 = u32::MAX;
 /// - `values`, `array<f32>`, `[(slot * 9 + 3 a + c) * stride + row]`: entry (a, c) of the Hessian's
 ///   block (kg), S folded in, trace/3 · (I − S) added on the diagonals of sliding nodes. Blocks
 ///   without a neighbour are zero.
+/// - `anchors`, `array<f32>`, `[(3 a + c) * stride + row]`: the sum of a row's blocks (kg), known better
+///   than the blocks are: stiff bodies hold nothing when they move as a whole.
 /// - `freedoms`, `array<vec4<f32>>`: w = 0 free; 1: slides along the plane with normal xyz,
 ///   S = I − n nᵀ; 2: along the line xyz, S = t tᵀ.
 /// - `masses`, `array<f32>` (kg).
 /// - `scales`, `array<f32>`: tol_i / ε = 24 dx² dt ξ_i (kg m/s).
+/// - `speeds`, `array<f32>`: |v| at the step's start (m/s).
 /// - `dv`: Δv (m/s), a vector a node. In: where to start. Out: the minimum.
 /// - `trial`: Δv at which [`Evaluate`] looks.
 /// - `gradient`: ∇E there (kg m/s), projected by S.
@@ -56,9 +60,14 @@ pub fn slots(kernel: Kernel) -> u32 {
 }
 
 /// The buffers of a matrix with room for `stride` rows.
-pub(super) fn matrix(kernel: Kernel, stride: u32) -> [Size; 3] {
+pub(super) fn matrix(kernel: Kernel, stride: u32) -> [Size; 4] {
     let (n, slots) = (stride as usize, slots(kernel) as usize);
-    [storage("ids", 16 * n), storage("columns", 4 * n * slots), storage("values", 36 * n * slots)]
+    [
+        storage("ids", 16 * n),
+        storage("columns", 4 * n * slots),
+        storage("values", 36 * n * slots),
+        storage("anchors", 36 * n),
+    ]
 }
 
 /// Buffers for `stride` nodes.
@@ -78,6 +87,7 @@ impl System {
             storage("freedoms", 16 * n),
             storage("masses", 4 * n),
             storage("scales", 4 * n),
+            storage("speeds", 4 * n),
             storage("dv", 12 * n),
             storage("trial", 12 * n),
             storage("gradient", 12 * n),
@@ -106,7 +116,41 @@ pub trait Evaluate {
     /// `control[0]` is set when they run.
     fn record(&self, pass: &mut ComputePass);
 
-    /// Records the dispatches that write `values`, the Hessian at `trial`, which the last
-    /// evaluation has seen.
+    /// Records the dispatches that write `values` and `anchors`, the Hessian at `trial`, which the
+    /// last evaluation has seen.
     fn record_hessian(&self, pass: &mut ComputePass);
+
+    /// Which derivative [`Self::record_hessian`] takes from now on; see
+    /// [`crate::implicit::solver::objective::Objective::tangent`].
+    fn set_tangent(&self, _tangent: Tangent) {}
+
+    /// As [`crate::implicit::solver::objective::Objective::reach`], of the direction in `trial`.
+    fn reach(&self) -> Result<f64, EngineError> {
+        Ok(1.0)
+    }
+
+    /// As [`crate::implicit::solver::objective::Objective::renew`], at `dv`.
+    fn renew(&self) -> Result<Renewed, EngineError> {
+        Ok(Renewed::Nothing)
+    }
+
+    /// As [`crate::implicit::solver::objective::Objective::sharpness`].
+    fn sharpness(&self) -> f64 {
+        1.0
+    }
+
+    /// What gravity does in a step (m/s).
+    fn fall_m_s(&self) -> f64;
+}
+
+/// Derivatives of the laws in a Hessian. Their numbers are those of `tangent` in
+/// `wgsl/implicit/layout.wgsl`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tangent {
+    /// At the trial.
+    Trial = 0,
+    /// Of the start's stretch, turned to the trial, as if nothing flowed.
+    Elastic = 1,
+    /// The same, but of plastic laws that of their flow.
+    Flowing = 2,
 }

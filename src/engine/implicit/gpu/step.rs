@@ -270,6 +270,11 @@ impl Evaluate for DeviceStep {
     fn record_hessian(&self, pass: &mut wgpu::ComputePass) {
         self.run(pass, &self.stages.hessian);
     }
+
+    fn fall_m_s(&self) -> f64 {
+        let gravity = self.setup.gravity;
+        f64::from(self.params.dt) * gravity.iter().map(|g| g * g).sum::<f64>().sqrt()
+    }
 }
 
 /// The velocity field with which a collider's points go where they are after `dt` (s), about its

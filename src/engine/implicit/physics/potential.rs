@@ -17,6 +17,7 @@ use super::topology::period;
 use crate::contract::Control;
 use crate::implicit::solver::objective::{Freedom, LinearOperator, NodeId, NodeVectors, Objective, Renewed, Splitting};
 use crate::implicit::solver::sparse::Bsr;
+use crate::implicit::solver::turning::UNFELT;
 use gridfall_core::material::{Law, Projected, Tensor4};
 use gridfall_core::maths::linalg::{
     Matrix, Vector, add_scaled, apply, dot, double_dot, identity, mul, mul_transpose, transpose,
@@ -29,9 +30,6 @@ mod splitting;
 
 /// Largest |dt ∇v| of what flows that an iteration may add.
 const MOST_STRAIN: f64 = 0.3;
-
-/// Part of the nodes' velocities below which a change of them is rounding.
-const ROUNDING: f64 = 1e-6;
 
 /// Area of a node's characteristic norm over dx² (HOT §5.2); in 2D its length over dx, of the
 /// square of its neighbours.
@@ -425,7 +423,7 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
         let mass: f64 = sum(self.masses.iter().copied());
         let speed = sum(nodes.iter().map(|node| node.mass * dot(&node.velocity, &node.velocity)));
         let fall = dot(&self.setup.gravity, &self.setup.gravity).sqrt() * self.step.dt;
-        (fall * mass.sqrt()).max(ROUNDING * speed.sqrt())
+        (fall * mass.sqrt()).max(UNFELT * speed.sqrt())
     }
 
     fn linearised<'a>(&'a self, dv: &NodeVectors<D>) -> Box<dyn LinearOperator<D> + 'a> {

@@ -9,7 +9,7 @@ mod descent;
 mod galerkin;
 mod gauss_seidel;
 mod hierarchy;
-mod krylov;
+pub(crate) mod krylov;
 mod lbfgs;
 mod line_search;
 mod newton;
@@ -21,7 +21,7 @@ mod solve;
 pub mod sparse;
 mod spectrum;
 mod tolerance;
-mod turning;
+pub(crate) mod turning;
 mod vcycle;
 pub(crate) mod verbs;
 

@@ -14,13 +14,13 @@ use crate::contract::Solve;
 use gridfall_core::sim::settings::{Implicit, Norm};
 
 /// Iterations after which a step is given up.
-const MAX_ITERATIONS: u32 = 40;
+pub const MAX_ITERATIONS: u32 = 40;
 /// Halvings before a direction is given up.
-const MAX_HALVINGS: u32 = 12;
+pub const MAX_HALVINGS: u32 = 12;
 /// Part of the slope at a direction's start to which it may have risen at its end, uphill.
-const SLOPE: f64 = 0.9;
+pub const SLOPE: f64 = 0.9;
 /// By how much a linear solve reduces its own error at least.
-const REDUCTION: f64 = 0.1;
+pub const REDUCTION: f64 = 0.1;
 /// Error that the first iteration aims at, and the factor by which it falls with every further one:
 /// what a Hessian taken from the start has left when its equations are solved exactly.
 const COARSEST: f64 = 1e-2;
@@ -30,9 +30,52 @@ const LEFT: f64 = 0.3;
 /// Error aimed at where the tolerance is of another norm.
 const FINEST: f64 = 1e-9;
 /// Iterations without a smaller error after which rounding is all that is left, if the error is at
-/// most [`ROUNDING`].
+/// most what rounding leaves.
 const STALLED: u32 = 3;
 const ROUNDING: f64 = 1e-7;
+
+/// Part of the nodes' velocities below which a change of them is rounding.
+pub const UNFELT: f64 = 1e-6;
+
+/// When a step has converged, and how well an iteration's linear equations are solved.
+pub struct Aim {
+    norm: Norm,
+    tolerance: f64,
+    /// Error that rounding may leave, and the least that an iteration aims at in another norm.
+    rounding: f64,
+    finest: f64,
+    least: f64,
+    stalled: u32,
+}
+
+impl Aim {
+    /// In f64, or in f32 where rounding leaves `rounding`.
+    pub fn new(settings: &Implicit, rounding: Option<f64>) -> Self {
+        Self {
+            norm: settings.norm(),
+            tolerance: settings.tolerance(),
+            rounding: rounding.unwrap_or(ROUNDING),
+            finest: rounding.unwrap_or(FINEST),
+            least: f64::INFINITY,
+            stalled: 0,
+        }
+    }
+
+    /// Notes where an iteration stands: the residual in the tolerance's norm, of the relative error
+    /// of Δv or else what `characteristic` gives, and whether it is small enough.
+    pub fn note(&mut self, error: f64, sharpness: f64, characteristic: impl FnOnce() -> f64) -> (f64, bool) {
+        let residual = if self.norm == Norm::Error { error / sharpness } else { characteristic() };
+        self.stalled = if error < self.least { 0 } else { self.stalled + 1 };
+        self.least = self.least.min(error);
+        (residual, residual <= self.tolerance || (self.stalled >= STALLED && self.least <= self.rounding))
+    }
+
+    /// Part of ‖Δv‖ that the linear solve of an iteration, counted from 0, may leave as its error.
+    pub fn left(&self, iteration: u32, sharpness: f64) -> f64 {
+        let wanted = if self.norm == Norm::Error { self.tolerance * sharpness } else { self.finest };
+        LEFT * wanted.max(COARSEST * GAIN.powi(iteration as i32))
+    }
+}
 
 /// Where the minimisation stands.
 struct State<const D: usize> {
@@ -57,21 +100,18 @@ pub fn solve<const D: usize>(
     settings: &Implicit,
     plan: &Plan,
 ) -> (NodeVectors<D>, Solve) {
-    let (tolerance, norm) = (settings.tolerance(), settings.norm());
+    let mut aim = Aim::new(settings, None);
     let projections: Vec<_> = objective.freedoms().iter().map(|freedom| freedom.projection()).collect();
     let mut at = State::new(objective, objective.start());
     let mut model = Model::new(objective, &at.dv, true, plan);
     let mut is_new = true;
     let mut solve = Solve::default();
-    let (mut before, mut least, mut stalled) = (f64::INFINITY, f64::INFINITY, 0);
+    let mut before = f64::INFINITY;
     loop {
         // The model of the iteration before tells whether its step was the last one, if it still is one.
         let error = model.error(objective, &at);
         let sharpness = objective.sharpness();
-        solve.residual = if norm == Norm::Error { error / sharpness } else { characteristic(objective, &at.r) };
-        stalled = if error < least { 0 } else { stalled + 1 };
-        least = least.min(error);
-        solve.converged = solve.residual <= tolerance || (stalled >= STALLED && least <= ROUNDING);
+        (solve.residual, solve.converged) = aim.note(error, sharpness, || characteristic(objective, &at.r));
         let ended = solve.iterations >= MAX_ITERATIONS.min(settings.max_iterations);
         if solve.converged || ended || objective.canceled() {
             break;
@@ -80,8 +120,7 @@ pub fn solve<const D: usize>(
             model = Model::new(objective, &at.dv, error > before, plan);
         }
         before = error;
-        let wanted = if norm == Norm::Error { tolerance * sharpness } else { FINEST };
-        let left = LEFT * wanted.max(COARSEST * GAIN.powi(solve.iterations as i32));
+        let left = aim.left(solve.iterations, sharpness);
         solve.iterations += 1;
         let (mut p, inner) = model.solve(objective, &at, left);
         solve.inner_iterations += inner;

@@ -50,6 +50,20 @@ pub const INDEFINITE: u32 = 2;
 pub const DROPPED: u32 = 4;
 pub const BROKEN: u32 = 8;
 
+/// Of `cg.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Cg {
+    pub zr: f32,
+    pub beta: f32,
+    pub alpha: f32,
+    pub count: u32,
+    pub size2: f32,
+    pub mass: f32,
+    pub motion2: f32,
+    pub pap: f32,
+}
+
 /// Of `lanczos.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

@@ -58,7 +58,7 @@ impl Level {
     /// Becomes the finest level, whose matrix and nodes are the system's.
     pub fn be_finest(&mut self, gpu: &Gpu, system: &System, lattice: Lattice) -> Result<(), EngineError> {
         self.memory.grow(gpu, &sizes(vectors(system.stride), system.stride), 0, &[])?;
-        for name in ["ids", "columns", "values"] {
+        for name in ["ids", "columns", "values", "anchors"] {
             self.memory.share(name, system.get(name));
         }
         self.lattice = lattice;

@@ -1,15 +1,16 @@
-//! The minimisation of a step: L-BFGS around one V-cycle (HOT algorithm 3). The device decides; the
-//! host reads one small state per iteration.
+//! The minimisation of a step: Newton's method, or L-BFGS around one V-cycle (HOT algorithm 3), where
+//! the device decides and the host reads one small state per iteration.
 
 use super::hierarchy::Hierarchy;
 use super::layout::{self, ACCEPTED, BROKEN, DROPPED, INDEFINITE};
 use super::lbfgs::Lbfgs;
+use super::newton::{self, Newton};
 use crate::contract::{EngineError, Solve};
 use crate::gpu::program::{Dispatches, Programs, Tools};
 use crate::gpu::{Gpu, Variant};
 use crate::implicit::gpu::interface::{Evaluate, System};
 use crate::implicit::solver::policy::{Lifetime, Model, Progress, Retreat, Rules};
-use gridfall_core::sim::settings::Implicit;
+use gridfall_core::sim::settings::{Implicit, Method};
 use gridfall_core::sim::setup::Kernel;
 
 /// Tries of the line search that are recorded at once: nearly always the first succeeds.
@@ -27,12 +28,13 @@ pub struct Minimiser {
     settings: Implicit,
     hierarchy: Option<Hierarchy>,
     lbfgs: Option<Lbfgs>,
+    newton: Option<Newton>,
 }
 
 impl Minimiser {
     pub fn new(kernel: Kernel, settings: Implicit) -> Self {
         let programs = Programs::new(Variant::of_kernel(kernel));
-        Self { programs, settings, hierarchy: None, lbfgs: None }
+        Self { programs, settings, hierarchy: None, lbfgs: None, newton: None }
     }
 
     /// From `system.dv` to the minimum, there. The engine fills in time and length of the step. The
@@ -51,6 +53,15 @@ impl Minimiser {
         let tools = Tools { gpu, programs: &self.programs };
         let spare = self.hierarchy.take();
         let hierarchy = self.hierarchy.insert(Hierarchy::new(tools, system, &self.settings, spare)?);
+        if self.settings.method == Method::Newton {
+            let newton = match self.newton.take() {
+                Some(old) if old.stride == system.stride => old,
+                _ => Newton::new(tools, system.stride)?,
+            };
+            let newton = self.newton.insert(newton);
+            newton::Run { tools, system, evaluate, hierarchy, newton }.solve(&self.settings, &mut solve)?;
+            return Ok(solve);
+        }
         let mut lbfgs = match self.lbfgs.take() {
             Some(old) if old.stride == system.stride => old,
             _ => Lbfgs::new(gpu, system.stride)?,

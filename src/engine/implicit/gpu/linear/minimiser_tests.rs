@@ -27,6 +27,7 @@ const GRADIENT: &str = "// uses implicit/linear/freedom, implicit/linear/product
 @group(0) @binding(8) var<storage, read_write> gradient: array<f32>;
 @group(0) @binding(9) var<storage, read_write> sums: array<f32>;
 @group(0) @binding(10) var<storage, read> masses: array<f32>;
+@group(0) @binding(11) var<storage, read> anchors: array<f32>;
 
 fn gathered(row: u32) -> vec3<f32> {
     return vec3<f32>(trial[row], trial[level.stride + row], trial[2u * level.stride + row]);
@@ -109,6 +110,10 @@ impl Evaluate for Quartic {
     /// A is there already; what κ adds to it is left out, so that there is something to learn on
     /// the way.
     fn record_hessian(&self, _: &mut wgpu::ComputePass) {}
+
+    fn fall_m_s(&self) -> f64 {
+        0.0
+    }
 }
 
 /// Within f32's reach up to this contrast; from 1e8 Pa on the compact pair's noise floor lies
@@ -216,6 +221,31 @@ fn minima_are_newtons_and_repeatable() {
                 // Sweeps need more as stiffness grows, as published; the polynomial does not.
                 assert!(smoother == Smoother::GaussSeidel || solve.iterations < 25);
                 let (again, same) = case.run(&gpu, &mut minimiser);
+                assert!(again == x && same == solve, "twice the same");
+            }
+        }
+    }
+}
+
+/// The tolerance of Newton's method is the relative error, in the norm of the masses, whatever the
+/// stiffness.
+#[test]
+fn newtons_error_is_its_tolerance() {
+    let gpu = test_gpu();
+    for kernel in KERNELS {
+        for stiff_pa in [1e5, 1e7, 1e9, 1e10] {
+            let case = Case::new(&gpu, kernel, stiff_pa, 0.01);
+            let solution = case.solution();
+            let size =
+                |x: &DVector<f64>| (0..x.len()).map(|k| case.sample.masses[k / 3] * x[k] * x[k]).sum::<f64>().sqrt();
+            for tolerance in [1e-2, 2e-3] {
+                let settings = Implicit { tolerance: Some(tolerance), ..Implicit::default() };
+                let (x, solve) = case.run(&gpu, &mut Minimiser::new(kernel, settings.clone()));
+                let error = size(&(&x - &solution)) / size(&solution);
+                println!("{kernel:?} {stiff_pa:e} Pa, {tolerance:e}: {solve:?}, off by {error:e}");
+                assert!(solve.converged && solve.residual <= tolerance);
+                assert!(error <= 2.0 * tolerance, "off by {error:e}, and takes it for {:e}", solve.residual);
+                let (again, same) = case.run(&gpu, &mut Minimiser::new(kernel, settings));
                 assert!(again == x && same == solve, "twice the same");
             }
         }

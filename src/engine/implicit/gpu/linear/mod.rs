@@ -3,7 +3,8 @@
 //!
 //! `lattice` and `level` define a level of the hierarchy and hold its memory, `stages` lists
 //! the dispatches, `hierarchy` builds the levels and the V-cycle, `smoother` their polynomials and
-//! sweeps, `lbfgs` directions and line search, and `minimiser` runs it all.
+//! sweeps. `newton` is the default method, `lbfgs` the directions and line search of HOT's, and
+//! `minimiser` runs either.
 
 mod hierarchy;
 mod lattice;
@@ -13,6 +14,7 @@ mod level;
 mod minimiser;
 #[cfg(test)]
 mod minimiser_tests;
+mod newton;
 #[cfg(test)]
 mod operator_tests;
 #[cfg(test)]

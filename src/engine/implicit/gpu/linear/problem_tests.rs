@@ -107,9 +107,14 @@ impl Sample {
         let mut columns = vec![NO_NODE; slots(self.kernel) as usize * stride];
         let mut values = vec![0.0f32; columns.len() * 9];
         let rows: BTreeMap<_, _> = self.ids.iter().enumerate().map(|(row, id)| (*id, row)).collect();
+        let mut anchors = vec![0.0f32; 9 * stride];
         let mut blocks = 0;
         for (row, id) in self.ids.iter().enumerate() {
             let range = self.matrix.row_start[row]..self.matrix.row_start[row + 1];
+            for (a, c) in (0..3).flat_map(|a| (0..3).map(move |c| (a, c))) {
+                let sum: f64 = self.matrix.blocks[range.clone()].iter().map(|block| block[a][c]).sum();
+                anchors[(3 * a + c) * stride + row] = sum as f32;
+            }
             for (slot, (offset, other)) in self.stencil(id.grid).into_iter().enumerate() {
                 let wrap = |a: usize, i: i32| self.period[a].map_or(i, |cells| i.rem_euclid(cells));
                 let index = std::array::from_fn(|a| wrap(a, id.index[a] + offset[a]));
@@ -136,6 +141,7 @@ impl Sample {
         let narrow = |x: &[f64]| -> Vec<f32> { x.iter().map(|&x| x as f32).collect() };
         system.memory.write(gpu, "columns", 0, &columns);
         system.memory.write(gpu, "values", 0, &values);
+        system.memory.write(gpu, "anchors", 0, &anchors);
         system.memory.write(gpu, "ids", 0, &ids);
         system.memory.write(gpu, "freedoms", 0, &freedoms);
         system.memory.write(gpu, "masses", 0, &narrow(&self.masses));
@@ -144,14 +150,13 @@ impl Sample {
         system
     }
 
-    /// The matrix as the device has it, in f32, dense.
+    /// The matrix, dense.
     pub fn dense_matrix(&self) -> DMatrix<f64> {
         let mut dense = DMatrix::zeros(3 * self.rows(), 3 * self.rows());
         for row in 0..self.rows() {
             for at in self.matrix.row_start[row]..self.matrix.row_start[row + 1] {
                 for (a, c) in (0..3).flat_map(|a| (0..3).map(move |c| (a, c))) {
-                    dense[(3 * row + a, 3 * self.matrix.columns[at] as usize + c)] =
-                        f64::from(self.matrix.blocks[at][a][c] as f32);
+                    dense[(3 * row + a, 3 * self.matrix.columns[at] as usize + c)] = self.matrix.blocks[at][a][c];
                 }
             }
         }

@@ -80,12 +80,28 @@ pub const ADOPT: &[Stage] = &[("implicit/linear/measure", Sums), ("implicit/line
 /// To the accepted trial.
 pub const STEP: &[Stage] = &[("implicit/linear/accept", Sums), ("implicit/linear/finish", One)];
 
+/// Start of conjugate gradients.
+pub const CG_START: &[Stage] = &[("implicit/linear/cg_start", Sums)];
+/// After a V-cycle: its answer's products.
+pub const CG_MEASURE: &[Stage] = &[("implicit/linear/cg_measure", Sums), ("implicit/linear/cg_turn", One)];
+/// A direction, and the step along it.
+pub const CG_STEP: &[Stage] = &[
+    ("implicit/linear/cg_product", Products),
+    ("implicit/linear/cg_length", One),
+    ("implicit/linear/cg_advance", Rows),
+];
+
 /// Names of all programs.
 pub fn programs() -> Vec<&'static str> {
     let setup = [NONZEROS, COUNT_FIRST, COUNT, LINK, GALERKIN, DIAGONAL, LANCZOS_START, LANCZOS, RITZ];
     let cycle = [CHEBYSHEV_FIRST, CHEBYSHEV, GAUSS_SEIDEL, RESIDUAL, RESTRICT, PROLONG];
     let descent = [BEGIN, BACKWARD, PROJECT, FORWARD, SEARCH, ATTEMPT, JUDGE, ADOPT, STEP];
-    [setup.concat(), cycle.concat(), descent.concat()].concat().into_iter().map(|(name, _)| name).collect()
+    let newton = [CG_START, CG_MEASURE, CG_STEP];
+    [setup.concat(), cycle.concat(), descent.concat(), newton.concat()]
+        .concat()
+        .into_iter()
+        .map(|(name, _)| name)
+        .collect()
 }
 
 /// Appends stages of a level.
