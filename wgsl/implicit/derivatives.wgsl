@@ -191,9 +191,8 @@ fn semidefinite(a: mat3x3<f32>) -> mat3x3<f32> {
     return 0.5 * (a + diagonal_times(s.v, abs(s.sigma), s.v));
 }
 
-/// ∂P/∂F at F with its negative eigenvalues set to 0.
-fn projected_derivative(material: Material, F: mat3x3<f32>, plastic: f32) -> Projected {
-    let s = svd3(F);
+/// ∂P/∂F at F = U Σ Vᵀ with its negative eigenvalues set to 0.
+fn projected_derivative(material: Material, s: Svd, plastic: f32) -> Projected {
     let d = principal_derivatives(material, s.sigma, plastic);
     var out: Projected;
     out.U = s.u;

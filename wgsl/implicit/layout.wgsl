@@ -26,6 +26,10 @@ struct Params {
     stride: u32,             // room for rows: the stride of the system's vectors
     rows: u32,               // nodes of the system
     mass_floor: f32,         // nodes lighter than this (kg) fall freely, without forces
+    tangent: u32,            // derivative that the matrix is made of: TRIAL, TURNED or FLOWING
+    flowing: u32,            // 1 if plastic laws flow within the step
+    spare0: u32,
+    spare1: u32,
     walls: array<vec4<f32>, 6>, // x-, x+, y-, y+, z-, z+: contact kind, friction, unused, unused
 }
 
@@ -114,6 +118,12 @@ const PLANE = 1.0;
 const LINE = 2.0;
 const PRESCRIBED = 3.0;
 const NOWHERE = 4.0;
+
+// Tangents: the derivative at the trial; at the step's start, turned to where the trial is; the
+// same, but of laws that flow within the step the tangent of their flow.
+const TRIAL = 0u;
+const TURNED = 1u;
+const FLOWING = 2u;
 
 const ERROR_NAN = 1u;
 const ERROR_DOMAIN = 4u;

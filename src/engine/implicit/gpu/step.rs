@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::buffers::{Buffers, Counts};
 use super::interface::{Evaluate, System};
-use super::layout::{Params, Report, Sweep};
+use super::layout::{Params, Report, Sweep, Tangent};
 use super::stages::{Extent, Stages};
 use crate::contract::EngineError;
 use crate::explicit::gpu::scene::{self, SceneData};
@@ -18,7 +18,7 @@ use gridfall_core::material::Law;
 use gridfall_core::sim::collider::Collider;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
-use gridfall_core::sim::setup::{Body, Material, Setup};
+use gridfall_core::sim::setup::{Body, Material, Plasticity, Setup};
 use gridfall_core::sim::side::Plates;
 
 /// Nodes lighter than this share of a full one fall freely, without forces.
@@ -74,6 +74,7 @@ impl DeviceStep {
             walls: shared.walls,
             room: counts.particles as u32,
             mass_floor: (FREE_FALL_SHARE * densest * setup.dx.powi(3)) as f32,
+            flowing: u32::from(setup.implicit.plasticity() == Plasticity::Flowing),
             ..Params::default()
         };
         let programs = Programs::new(Variant::of(setup));
@@ -182,6 +183,13 @@ impl DeviceStep {
         }
         self.gpu.pass(|pass| self.run(pass, &self.stages.begin));
         Ok(())
+    }
+
+    /// Which derivative the matrix is made of from the next submission on. A step begins with that at
+    /// the trial.
+    pub fn set_tangent(&self, tangent: Tangent) {
+        let place = std::mem::offset_of!(Params, tangent) / size_of::<u32>();
+        self.memory().write(&self.gpu, "params", place, &[tangent as u32]);
     }
 
     /// Makes `dv` the trial.
