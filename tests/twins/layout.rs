@@ -58,7 +58,7 @@ fn shared_structs_agree() {
         stride, rows,
         mass_floor, tangent, flowing, spare0, spare1, walls);
     twin!(m, implicit, Report: error, error_particle, max_shift, max_speed, blocks, rows, separating, released,
-        rubbing, spare0, spare1, spare2);
+        rubbing, most_strain, spare0, spare1);
     twin!(m, implicit, Sweep: r0, r1, r2);
     twin!(m, implicit, Touch: normal, velocity, arm, impulse);
     let m = parse("implicit/linear/gauss_seidel");

@@ -43,9 +43,9 @@ struct Report {
     separating: atomic<u32>,     // 1 if a separating surface constrains a node
     released: u32,               // 1 if nodes were let go
     rubbing: u32,                // 1 if nodes have friction
+    most_strain: atomic<u32>,    // largest strain that `reach` has seen, f32 bits
     spare0: u32,
     spare1: u32,
-    spare2: u32,
 }
 
 // Which velocity a collider has in the step: v = rows · (x - center, 1), so that x + dt v is where

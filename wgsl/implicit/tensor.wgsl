@@ -4,8 +4,8 @@
 // `params.tangent` says at which F the derivative is taken.
 // One workgroup a block, one lane a particle at a time.
 //
-// uses implicit/cells, implicit/particle, implicit/plastic, implicit/trial, implicit/derivatives
-// uses implicit/upper
+// uses implicit/cells, implicit/particle, implicit/plastic, implicit/trial
+// uses implicit/flowing_tangent, implicit/upper
 
 /// The SVD of F at the step's end, or R(end) R(start)ᵀ start: the start's stretch, turned to the end.
 fn decomposed(end: mat3x3<f32>, start: mat3x3<f32>, is_turned: bool) -> Svd {
@@ -40,8 +40,10 @@ fn main(
         let body = bodies[tag[p].y];
         let material = materials[body.material];
         let F = deformation_of(p);
-        let at = decomposed(trial_deformation(p, y, F), F, params.tangent != TRIAL);
-        let derivative = projected_derivative(material, at, plastic_of(p, material.model));
+        let flows = params.tangent == FLOWING && params.flowing != 0u && is_plastic(material.model);
+        let at = decomposed(trial_deformation(p, y, F), F, params.tangent != TRIAL && !flows);
+        let slopes = slopes_within(material, at.sigma, plastic_of(p, material.model), flows);
+        let derivative = projected(at, slopes);
         var M = F;
         if (MLS) {
             // E is symmetric.

@@ -54,9 +54,9 @@ pub struct Report {
     pub separating: u32,
     pub released: u32,
     pub rubbing: u32,
+    pub most_strain: u32,
     pub spare0: u32,
     pub spare1: u32,
-    pub spare2: u32,
 }
 
 #[repr(C)]

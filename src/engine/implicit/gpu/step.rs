@@ -14,6 +14,7 @@ use crate::gpu::memory::Memory;
 use crate::gpu::program::{Dispatches, Programs, Tools};
 use crate::gpu::{Gpu, Variant};
 use crate::implicit::engine::Moved;
+use crate::implicit::solver::objective::reach_of;
 use gridfall_core::material::Law;
 use gridfall_core::sim::collider::Collider;
 use gridfall_core::sim::particles::Particles;
@@ -38,6 +39,8 @@ pub struct DeviceStep {
     pub(super) layout: DeviceLayout,
     /// Whether a separating surface constrains any node.
     separating: bool,
+    /// Whether any material flows within the step.
+    flows: bool,
 }
 
 impl DeviceStep {
@@ -62,6 +65,8 @@ impl DeviceStep {
         memory.write(&gpu, "characteristic", 0, &characteristics);
         scene.write(&gpu, &memory);
         let densest = setup.bodies.iter().map(|b| b.mass / b.volume0).fold(0.0, f64::max);
+        let flowing = setup.implicit.plasticity() == Plasticity::Flowing;
+        let flows = flowing && setup.materials.iter().any(|material| Law::<f64>::new(material).is_plastic());
         let shared = layout.params(setup);
         let params = Params {
             blocks: shared.blocks,
@@ -74,14 +79,14 @@ impl DeviceStep {
             walls: shared.walls,
             room: counts.particles as u32,
             mass_floor: (FREE_FALL_SHARE * densest * setup.dx.powi(3)) as f32,
-            flowing: u32::from(setup.implicit.plasticity() == Plasticity::Flowing),
+            flowing: u32::from(flowing),
             ..Params::default()
         };
         let programs = Programs::new(Variant::of(setup));
         let stages = Stages::new(Tools { gpu: &gpu, programs: &programs }, &memory, &system);
         let buffers = Buffers { counts, memory, system, live: 0, blocks: 0 };
         let setup = setup.clone();
-        let mut stepper = Self { gpu, programs, stages, buffers, params, setup, layout, separating: false };
+        let mut stepper = Self { gpu, programs, stages, buffers, params, setup, layout, separating: false, flows };
         stepper.append(particles)?;
         Ok(stepper)
     }
@@ -190,6 +195,18 @@ impl DeviceStep {
     pub fn set_tangent(&self, tangent: Tangent) {
         let place = std::mem::offset_of!(Params, tangent) / size_of::<u32>();
         self.memory().write(&self.gpu, "params", place, &[tangent as u32]);
+    }
+
+    /// The largest part of a direction p of Δv, which is in `trial`, that a solver may go at once; see
+    /// [`crate::implicit::solver::objective::Objective::reach`].
+    pub fn reach(&self) -> Result<f64, EngineError> {
+        if !self.flows {
+            return Ok(1.0);
+        }
+        let place = std::mem::offset_of!(Report, most_strain) / size_of::<u32>();
+        self.memory().write(&self.gpu, "report", place, &[0u32]);
+        self.gpu.pass(|pass| self.run(pass, &self.stages.reach));
+        Ok(reach_of(f64::from(f32::from_bits(self.read_report()?.most_strain))))
     }
 
     /// Makes `dv` the trial.

@@ -15,7 +15,9 @@ use super::friction::{Drag, STICKING_DX};
 use super::state::BodySetup;
 use super::topology::period;
 use crate::contract::Control;
-use crate::implicit::solver::objective::{Freedom, LinearOperator, NodeId, NodeVectors, Objective, Renewed, Splitting};
+use crate::implicit::solver::objective::{
+    Freedom, LinearOperator, NodeId, NodeVectors, Objective, Renewed, Splitting, reach_of,
+};
 use crate::implicit::solver::sparse::Bsr;
 use gridfall_core::material::{Law, Projected, Tensor4};
 use gridfall_core::maths::linalg::{
@@ -26,9 +28,6 @@ use gridfall_core::sim::setup::{Plasticity, Setup};
 
 mod linearised;
 mod splitting;
-
-/// Largest |dt ∇v| of what flows that an iteration may add.
-const MOST_STRAIN: f64 = 0.3;
 
 /// Part of the nodes' velocities below which a change of them is rounding.
 const ROUNDING: f64 = 1e-6;
@@ -407,7 +406,7 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
         };
         let groups = (0..self.step.topology.groups()).into_par_iter().with_min_len(8);
         let most = groups.map(of_group).reduce(|| 0.0, f64::max).sqrt();
-        (MOST_STRAIN / most).min(1.0)
+        reach_of(most)
     }
 
     fn renew(&mut self, dv: &NodeVectors<D>) -> Renewed {
