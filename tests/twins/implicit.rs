@@ -20,17 +20,17 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::common;
 
-const DT_S: f64 = 2e-3;
-const TIME_S: f64 = 0.005;
+pub(super) const DT_S: f64 = 2e-3;
+pub(super) const TIME_S: f64 = 0.005;
 /// Density of a full node (kg/m³).
 const DENSITY: f64 = 1500.0;
 
-const ELASTIC: [&str; 3] = [
+pub(super) const ELASTIC: [&str; 3] = [
     r#"{ "model": "fixed-corotated", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3 }"#,
     r#"{ "model": "stvk-hencky", "density": 1500, "youngs_modulus": 2e4, "poissons_ratio": 0.4 }"#,
     r#"{ "model": "neo-hookean", "density": 1000, "youngs_modulus": 1e6, "poissons_ratio": 0.3 }"#,
 ];
-const PLASTIC: [&str; 3] = [
+pub(super) const PLASTIC: [&str; 3] = [
     r#"{ "model": "von-mises", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3, "yield_stress": 500 }"#,
     r#"{ "model": "snow", "density": 400, "youngs_modulus": 1e5, "poissons_ratio": 0.2 }"#,
     r#"{ "model": "drucker-prager", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3,
@@ -38,7 +38,7 @@ const PLASTIC: [&str; 3] = [
 ];
 
 /// All wall kinds and contacts; a turned, moving collider, a slippery one, a grip; a periodic axis.
-fn scene(kernel: &str, transfer: &str, [a, b, c]: [&str; 3], seed: u64) -> Problem {
+pub(super) fn scene(kernel: &str, transfer: &str, [a, b, c]: [&str; 3], seed: u64) -> Problem {
     println!("{kernel} {transfer} seed {seed}");
     let mut problem = common::problem(&format!(
         r#"{{ "gridfall": 1, "name": "twins",
@@ -72,31 +72,35 @@ fn scene(kernel: &str, transfer: &str, [a, b, c]: [&str; 3], seed: u64) -> Probl
             "implicit": {{ "method": "hot" }}, "contact": "nodes" }} }}"#
     ));
     common::randomise(&mut problem, &mut ChaCha8Rng::seed_from_u64(seed));
-    // States as f32 has them: beside a kernel's edge, weights magnify a rounding of the position.
-    problem.particles = DeviceStep::new(common::gpu(), &problem.setup, &problem.particles).unwrap().snapshot().unwrap();
+    round(&mut problem);
     problem
 }
 
+/// States as f32 has them: beside a kernel's edge, weights magnify a rounding of the position.
+pub(super) fn round(problem: &mut Problem) {
+    problem.particles = DeviceStep::new(common::gpu(), &problem.setup, &problem.particles).unwrap().snapshot().unwrap();
+}
+
 /// The CPU's step.
-struct Reference<'a> {
+pub(super) struct Reference<'a> {
     problem: &'a Problem,
-    bodies: Vec<BodySetup>,
-    step: Discretisation<3>,
+    pub bodies: Vec<BodySetup>,
+    pub step: Discretisation<3>,
 }
 
 impl<'a> Reference<'a> {
-    fn new(problem: &'a Problem) -> Self {
+    pub fn new(problem: &'a Problem) -> Self {
         let bodies = setups::<3>(&problem.setup);
         let step = Discretisation::<3>::new(&problem.setup, &bodies, &problem.particles, TIME_S, DT_S);
         Self { problem, bodies, step }
     }
 
-    fn potential(&self) -> Potential<'_, 3> {
+    pub fn potential(&self) -> Potential<'_, 3> {
         Potential::new(&self.problem.setup, &self.bodies, &self.step, &NoControl)
     }
 
     /// A Δv near where the solver starts, which keeps what is prescribed.
-    fn somewhere(&self, rng: &mut ChaCha8Rng) -> NodeVectors<3> {
+    pub fn somewhere(&self, rng: &mut ChaCha8Rng) -> NodeVectors<3> {
         let potential = self.potential();
         let mut dv = potential.start();
         for (dv, freedom) in dv.iter_mut().zip(potential.freedoms()) {
@@ -111,9 +115,9 @@ impl<'a> Reference<'a> {
 }
 
 /// Largest differences by what is compared.
-type Differences = Vec<(&'static str, f64)>;
+pub(super) type Differences = Vec<(&'static str, f64)>;
 
-fn larger(worst: &mut f64, difference: f64) {
+pub(super) fn larger(worst: &mut f64, difference: f64) {
     // NaN is as bad as it gets.
     *worst = if difference.is_nan() { f64::INFINITY } else { worst.max(difference) };
 }
@@ -169,14 +173,32 @@ fn rows_of(gpu: &SystemReading, cpu: &Reference) -> Vec<Option<usize>> {
     cpu.step.topology.nodes[..cpu.step.unknowns()].iter().map(|id| rows.get(id).copied()).collect()
 }
 
-/// What the system, and matrix, gradient and energy at a Δv differ by; leaves that Δv on the device.
-fn compare_system(stepper: &DeviceStep, cpu: &Reference, potential: &Potential<3>, at: &NodeVectors<3>) -> Differences {
+/// Puts a vector a node on the device in the place of Δv.
+pub(super) fn put(stepper: &DeviceStep, cpu: &Reference, vectors: &NodeVectors<3>) {
+    let gpu = stepper.system().unwrap();
+    let mut by_row = gpu.dv.clone();
+    for (row, vector) in rows_of(&gpu, cpu).iter().zip(vectors) {
+        if let Some(row) = *row {
+            by_row[row] = *vector;
+        }
+    }
+    stepper.set_dv(&by_row);
+}
+
+/// What the system, and matrix, gradient and energy at a Δv differ by, the matrix being the one that the device
+/// is set to make; leaves that Δv on the device.
+pub(super) fn compare_system(
+    stepper: &DeviceStep,
+    cpu: &Reference,
+    potential: &Potential<3>,
+    at: &NodeVectors<3>,
+    matrix: &Bsr<f64, 3>,
+) -> Differences {
     let gpu = stepper.system().unwrap();
     let full = DENSITY * cpu.problem.setup.dx.powi(3);
     let rows = rows_of(&gpu, cpu);
     let mut unlike = gpu.ids.len().abs_diff(at.len()) as f64;
     let [mut freedom, mut scale] = [0.0; 2];
-    let mut dv = gpu.dv.clone();
     for (i, row) in rows.iter().enumerate() {
         let Some(row) = *row else {
             unlike += 1.0;
@@ -185,9 +207,8 @@ fn compare_system(stepper: &DeviceStep, cpu: &Reference, potential: &Potential<3
         let share = potential.masses()[i] / full;
         larger(&mut freedom, freedom_distance(&gpu.freedoms[row], &potential.freedoms()[i]) * share);
         larger(&mut scale, (gpu.scales[row] / potential.scales()[i] - 1.0).abs() * share);
-        dv[row] = at[i];
     }
-    stepper.set_dv(&dv);
+    put(stepper, cpu, at);
     let (energy, gradient) = stepper.evaluate().unwrap();
     let mut reference = vec![[0.0; 3]; at.len()];
     let reference_energy = potential.energy_and_gradient(at, &mut reference);
@@ -205,7 +226,7 @@ fn compare_system(stepper: &DeviceStep, cpu: &Reference, potential: &Potential<3
         ("energy", energy_difference),
         ("gradient", slope),
     ];
-    found.extend(compare_matrix(&stepper.system().unwrap(), &rows, cpu, &potential.hessian(at)));
+    found.extend(compare_matrix(&stepper.system().unwrap(), &rows, cpu, matrix));
     found
 }
 
@@ -249,7 +270,7 @@ fn compare_matrix(gpu: &SystemReading, rows: &[Option<usize>], cpu: &Reference, 
 }
 
 /// What the step's end differs by, with the Δv on the device.
-fn compare_end(stepper: &mut DeviceStep, cpu: &Reference, dv: &NodeVectors<3>) -> Differences {
+pub(super) fn compare_end(stepper: &mut DeviceStep, cpu: &Reference, dv: &NodeVectors<3>) -> Differences {
     let problem = cpu.problem;
     let moved = stepper.finish().unwrap();
     let potential = cpu.potential();
@@ -292,12 +313,13 @@ fn step(gpu: &Problem, cpu: &Problem, seed: u64) -> (Differences, bool) {
     let mut stepper = DeviceStep::new(common::gpu(), &gpu.setup, &gpu.particles).unwrap();
     stepper.begin(TIME_S, DT_S, false).unwrap();
     let mut found = compare_nodes(&stepper.nodes(false).unwrap(), &reference);
-    found.extend(compare_system(&stepper, &reference, &reference.potential(), &first));
-    let (_, impulses) = reference.potential().energy_and_forces(&first);
+    let potential = reference.potential();
+    found.extend(compare_system(&stepper, &reference, &potential, &first, &potential.hessian(&first)));
+    let (_, impulses) = potential.energy_and_forces(&first);
     let released = reference.step.boundary.release(&impulses);
     assert!(stepper.revise().unwrap());
     let rubbing = reference.potential().with_friction(first, &impulses);
-    found.extend(compare_system(&stepper, &reference, &rubbing, &second));
+    found.extend(compare_system(&stepper, &reference, &rubbing, &second, &rubbing.hessian(&second)));
     found.extend(compare_end(&mut stepper, &reference, &second));
     for (name, difference) in &found {
         print!("{name} {difference:.1e}  ");
@@ -307,7 +329,7 @@ fn step(gpu: &Problem, cpu: &Problem, seed: u64) -> (Differences, bool) {
 }
 
 /// Roundings of f32 weights, sums and, largest, of normals of colliders: differences of distances over dx/16.
-fn agrees(differences: &Differences) -> bool {
+pub(super) fn agrees(differences: &Differences) -> bool {
     differences.iter().all(|(_, difference)| *difference <= 2e-5)
 }
 

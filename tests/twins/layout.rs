@@ -56,9 +56,9 @@ fn shared_structs_agree() {
     let m = parse("implicit/boundary");
     twin!(m, implicit, Params: blocks, particles, cells, dx, gravity, dt, pad, capacity, periodic, colliders, room,
         stride, rows,
-        mass_floor, walls);
+        mass_floor, tangent, flowing, spare0, spare1, walls);
     twin!(m, implicit, Report: error, error_particle, max_shift, max_speed, blocks, rows, separating, released,
-        rubbing, spare0, spare1, spare2);
+        rubbing, most_strain, spare0, spare1);
     twin!(m, implicit, Sweep: r0, r1, r2);
     twin!(m, implicit, Touch: normal, velocity, arm, impulse);
     let m = parse("implicit/linear/gauss_seidel");
@@ -137,6 +137,14 @@ fn shared_constants_agree() {
         ("LEAST_STEP", touch::LEAST_STEP_DX),
     ] {
         assert_eq!(number(&m, name), rust as f32, "{name}");
+    }
+    let m = parse("implicit/tensor");
+    for (name, rust) in [
+        ("TRIAL", implicit::Tangent::Trial),
+        ("TURNED", implicit::Tangent::Turned),
+        ("FLOWING", implicit::Tangent::Flowing),
+    ] {
+        assert_eq!(constant(&m, name), rust as u32, "{name}");
     }
     let m = parse("implicit/linear/decide");
     for (name, rust) in [

@@ -9,6 +9,7 @@ mod contact;
 mod explicit;
 mod frames;
 mod implicit;
+mod implicit_flow;
 mod implicit_frames;
 mod implicit_order;
 mod isolated;

@@ -8,11 +8,12 @@
 //
 // uses shared/state
 
-/// ψ(σ) (J/m³), ∂ψ/∂σ_i and ∂²ψ/∂σ_i∂σ_j (Pa).
-struct Derivatives { energy: f32, gradient: vec3<f32>, hessian: mat3x3<f32> }
+/// In principal space (Pa): P_i, ∂P_i/∂σ_j, and (P_i - P_j)/(σ_i - σ_j) of the pair of axes other
+/// than k.
+struct Slopes { gradient: vec3<f32>, hessian: mat3x3<f32>, shear: vec3<f32> }
 
-/// A; B[k] = (x, y) of the pair of axes other than k.
-struct Projected { U: mat3x3<f32>, V: mat3x3<f32>, A: mat3x3<f32>, B: array<vec2<f32>, 3> }
+/// A; x = `same` and y = `cross` of the pair of axes other than k.
+struct Projected { U: mat3x3<f32>, V: mat3x3<f32>, A: mat3x3<f32>, same: vec3<f32>, cross: vec3<f32> }
 
 /// Below it logarithmic strain is its tangent.
 const EXTENSION = 0.1;
@@ -129,7 +130,7 @@ fn strain_tangent(strain: vec3<f32>, m: Material) -> mat3x3<f32> {
     return diagonal(2.0 * m.a * b) + outer(across, one) - outer((2.0 / 3.0) * m.a * one, b);
 }
 
-/// ψ(F) (J/m³); P(F) (Pa). Within a step every law is elastic. Neo-Hookean at J ≤ 0: FORBIDDEN.
+/// ψ(F) (J/m³) and P(F) (Pa) of the elastic law. Neo-Hookean at J ≤ 0: FORBIDDEN.
 fn elastic_energy_pk1(material: Material, F: mat3x3<f32>, plastic: f32, P: ptr<function, mat3x3<f32>>) -> f32 {
     if (is_fixed_corotated(material.model)) {
         return fixed_corotated_energy_pk1(F, elastic_moduli(material, plastic), P);
@@ -145,39 +146,61 @@ fn elastic_energy_pk1(material: Material, F: mat3x3<f32>, plastic: f32, P: ptr<f
     return energy;
 }
 
-fn principal_derivatives(material: Material, sigma: vec3<f32>, plastic: f32) -> Derivatives {
-    var out: Derivatives;
+/// Derivatives of the elastic law's ψ(σ).
+fn elastic_slopes(material: Material, sigma: vec3<f32>, plastic: f32) -> Slopes {
+    var out: Slopes;
     let moduli = elastic_moduli(material, plastic);
     let others = sigma.yzx * sigma.zxy;
     let J = sigma.x * others.x;
     if (is_fixed_corotated(material.model)) {
-        let strain = sigma - 1.0;
         let dilation = J - 1.0;
-        out.energy = moduli.x * dot(strain, strain) + 0.5 * moduli.y * dilation * dilation;
-        out.gradient = 2.0 * moduli.x * strain + moduli.y * dilation * others;
+        out.gradient = 2.0 * moduli.x * (sigma - 1.0) + moduli.y * dilation * others;
         let c = moduli.y * dilation * sigma;
         out.hessian = diagonal(vec3<f32>(2.0 * moduli.x)) + moduli.y * outer(others, others)
             + mat3x3<f32>(0.0, c.z, c.y, c.z, 0.0, c.x, c.y, c.x, 0.0);
-        return out;
-    }
-    if (material.model == NEO_HOOKEAN) {
+    } else if (material.model == NEO_HOOKEAN) {
         var P: mat3x3<f32>;
-        out.energy = neo_hookean_energy_pk1(diagonal(sigma), moduli, &P);
+        neo_hookean_energy_pk1(diagonal(sigma), moduli, &P);
         out.gradient = vec3<f32>(P[0].x, P[1].y, P[2].z);
         let inverse = 1.0 / sigma;
         out.hessian = diagonal(vec3<f32>(moduli.x) + (moduli.x - moduli.y * log(J)) * inverse * inverse)
             + moduli.y * outer(inverse, inverse);
-        return out;
+    } else {
+        var slope: vec3<f32>;
+        var tau: vec3<f32>;
+        let strain = extended_strain(sigma, &slope);
+        strain_energy(strain, material, &tau);
+        out.gradient = tau * slope;
+        out.hessian = stretch_hessian(sigma, slope, tau, strain_tangent(strain, material));
     }
-    var slope: vec3<f32>;
-    var tau: vec3<f32>;
-    let strain = extended_strain(sigma, &slope);
-    out.energy = strain_energy(strain, material, &tau);
-    out.gradient = tau * slope;
-    let tangent = strain_tangent(strain, material);
-    let curvature = select(-slope * slope, vec3<f32>(0.0), sigma < vec3<f32>(EXTENSION));
-    out.hessian = diagonal(slope) * tangent * diagonal(slope) + diagonal(tau * curvature);
+    let difference = out.gradient.yzx - out.gradient.zxy;
+    out.shear = quotient(sigma.yzx, sigma.zxy, difference, near_shear(out.hessian));
     return out;
+}
+
+/// ∂P_i/∂σ_j of P_i = τ_i ε'_i, ε'_i = `slope`, from ∂τ_i/∂ε_j.
+fn stretch_hessian(sigma: vec3<f32>, slope: vec3<f32>, tau: vec3<f32>, tangent: mat3x3<f32>) -> mat3x3<f32> {
+    return diagonal(slope) * tangent * diagonal(slope) + diagonal(tau * curvature(sigma, slope));
+}
+
+/// ε'' of the extended logarithmic strain.
+fn curvature(sigma: vec3<f32>, slope: vec3<f32>) -> vec3<f32> {
+    return select(-slope * slope, vec3<f32>(0.0), sigma < vec3<f32>(EXTENSION));
+}
+
+/// ½ (h_ii + h_jj) - h_ij of the pair of axes other than k: its shear at nearly equal stretches.
+fn near_shear(h: mat3x3<f32>) -> vec3<f32> {
+    return vec3<f32>(
+        0.5 * (h[1].y + h[2].z) - h[1].z,
+        0.5 * (h[2].z + h[0].x) - h[2].x,
+        0.5 * (h[0].x + h[1].y) - h[0].y,
+    );
+}
+
+/// `difference`/(a - b), or `near` at nearly equal stretches.
+fn quotient(a: vec3<f32>, b: vec3<f32>, difference: vec3<f32>, near: vec3<f32>) -> vec3<f32> {
+    let is_near = abs(a - b) <= NEAR * max(abs(a) + abs(b), vec3<f32>(EXTENSION));
+    return select(difference / select(a - b, vec3<f32>(1.0), is_near), near, is_near);
 }
 
 /// The nearest positive semidefinite matrix to a symmetric one (Higham 1988): itself, or ½ (A +
@@ -191,30 +214,17 @@ fn semidefinite(a: mat3x3<f32>) -> mat3x3<f32> {
     return 0.5 * (a + diagonal_times(s.v, abs(s.sigma), s.v));
 }
 
-/// ∂P/∂F at F with its negative eigenvalues set to 0.
-fn projected_derivative(material: Material, F: mat3x3<f32>, plastic: f32) -> Projected {
-    let s = svd3(F);
-    let d = principal_derivatives(material, s.sigma, plastic);
+/// ∂P/∂F at F = U Σ Vᵀ with its negative eigenvalues set to 0.
+fn projected(s: Svd, slopes: Slopes) -> Projected {
     var out: Projected;
     out.U = s.u;
     out.V = s.v;
-    out.A = semidefinite(d.hessian);
-    let h = d.hessian;
-    let near = vec3<f32>(
-        0.5 * (h[1].y + h[2].z) - h[1].z,
-        0.5 * (h[2].z + h[0].x) - h[2].x,
-        0.5 * (h[0].x + h[1].y) - h[0].y,
-    );
-    let a = s.sigma.yzx;
-    let b = s.sigma.zxy;
-    let difference = a - b;
-    let is_near = abs(difference) <= NEAR * max(abs(a) + abs(b), vec3<f32>(EXTENSION));
-    let quotient = (d.gradient.yzx - d.gradient.zxy) / select(difference, vec3<f32>(1.0), is_near);
-    let shear = max(select(quotient, near, is_near), vec3<f32>(0.0));
-    let turn = max((d.gradient.yzx + d.gradient.zxy) / max(a + b, vec3<f32>(LEAST_SUM)), vec3<f32>(0.0));
-    for (var k = 0u; k < 3u; k++) {
-        out.B[k] = 0.5 * vec2<f32>(shear[k] + turn[k], shear[k] - turn[k]);
-    }
+    out.A = semidefinite(slopes.hessian);
+    let sums = max(s.sigma.yzx + s.sigma.zxy, vec3<f32>(LEAST_SUM));
+    let turn = max((slopes.gradient.yzx + slopes.gradient.zxy) / sums, vec3<f32>(0.0));
+    let shear = max(slopes.shear, vec3<f32>(0.0));
+    out.same = 0.5 * (shear + turn);
+    out.cross = 0.5 * (shear - turn);
     return out;
 }
 
@@ -222,12 +232,10 @@ fn projected_derivative(material: Material, F: mat3x3<f32>, plastic: f32) -> Pro
 fn projected_times(p: Projected, dF: mat3x3<f32>) -> mat3x3<f32> {
     let d = transpose(p.U) * dF * p.V;
     let axial = p.A * vec3<f32>(d[0].x, d[1].y, d[2].z);
-    let x = vec3<f32>(p.B[0].x, p.B[1].x, p.B[2].x);
-    let y = vec3<f32>(p.B[0].y, p.B[1].y, p.B[2].y);
     // Entries (1, 2), (2, 0), (0, 1), and those across the diagonal.
     let upper = vec3<f32>(d[2].y, d[0].z, d[1].x);
     let lower = vec3<f32>(d[1].z, d[2].x, d[0].y);
-    let up = x * upper + y * lower;
-    let low = x * lower + y * upper;
+    let up = p.same * upper + p.cross * lower;
+    let low = p.same * lower + p.cross * upper;
     return p.U * mat3x3<f32>(axial.x, low.z, up.y, up.z, axial.y, low.x, low.y, up.x, axial.z) * transpose(p.V);
 }

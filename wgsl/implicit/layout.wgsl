@@ -26,6 +26,10 @@ struct Params {
     stride: u32,             // room for rows: the stride of the system's vectors
     rows: u32,               // nodes of the system
     mass_floor: f32,         // nodes lighter than this (kg) fall freely, without forces
+    tangent: u32,            // derivative that the matrix is made of: TRIAL, TURNED or FLOWING
+    flowing: u32,            // 1 if plastic laws flow within the step
+    spare0: u32,
+    spare1: u32,
     walls: array<vec4<f32>, 6>, // x-, x+, y-, y+, z-, z+: contact kind, friction, unused, unused
 }
 
@@ -39,9 +43,9 @@ struct Report {
     separating: atomic<u32>,     // 1 if a separating surface constrains a node
     released: u32,               // 1 if nodes were let go
     rubbing: u32,                // 1 if nodes have friction
+    most_strain: atomic<u32>,    // largest strain that `reach` has seen, f32 bits
     spare0: u32,
     spare1: u32,
-    spare2: u32,
 }
 
 // Which velocity a collider has in the step: v = rows · (x - center, 1), so that x + dt v is where
@@ -116,6 +120,12 @@ const PLANE = 1.0;
 const LINE = 2.0;
 const PRESCRIBED = 3.0;
 const NOWHERE = 4.0;
+
+// Tangents: the derivative at the trial; at the step's start, turned to where the trial is; the
+// same, but of laws that flow within the step the tangent of their flow.
+const TRIAL = 0u;
+const TURNED = 1u;
+const FLOWING = 2u;
 
 const ERROR_NAN = 1u;
 const ERROR_DOMAIN = 4u;

@@ -3,7 +3,7 @@
 // Out: A = dt V0 P Fⁿᵀ / dx in `push` (MLS: times E⁻¹), one energy a block in `partials`.
 // One workgroup a block, one lane a particle at a time; energies are added up in a fixed order.
 //
-// uses implicit/cells, implicit/particle, implicit/plastic, implicit/trial, implicit/derivatives
+// uses implicit/cells, implicit/particle, implicit/plastic, implicit/trial, implicit/flowing
 // uses implicit/pair
 
 @compute @workgroup_size(LANES)
@@ -26,7 +26,8 @@ fn main(
             let material = materials[body.material];
             let F = deformation_of(p);
             var pk1: mat3x3<f32>;
-            let density = elastic_energy_pk1(material, trial_deformation(p, y, F), plastic_of(p, material.model), &pk1);
+            let end = trial_deformation(p, y, F);
+            let density = energy_pk1(material, end, plastic_of(p, material.model), params.flowing != 0u, &pk1);
             // A forbidden state stays beyond all others, whatever the volume.
             let cost = select(f32(GRIDS) * body.volume * density, density, density >= FORBIDDEN);
             sum = add_pairs(sum, vec2<f32>(cost, 0.0));

@@ -1,10 +1,24 @@
 // Stiffness of the particles at a trial Δv, pushed forward: K[3a + e][3c + f] = share dt² V0 Σ
 // (∂P_ab/∂F_cd) M_eb M_fd / dx², with M = Fⁿ, for MLS E⁻¹ Fⁿ, so that A_ij[a][c] = Σ K g_i[e]
 // g_j[f]. share: twice the energy and half of each ∇v on the compact kernel's grids.
+// `params.tangent` says at which F the derivative is taken.
 // One workgroup a block, one lane a particle at a time.
 //
-// uses implicit/cells, implicit/particle, implicit/plastic, implicit/trial, implicit/derivatives
-// uses implicit/upper
+// uses implicit/cells, implicit/particle, implicit/plastic, implicit/trial
+// uses implicit/flowing_tangent, implicit/upper
+
+/// The SVD of F at the step's end, or R(end) R(start)ᵀ start: the start's stretch, turned to the end.
+fn decomposed(end: mat3x3<f32>, start: mat3x3<f32>, is_turned: bool) -> Svd {
+    var F = end;
+    if (is_turned) {
+        F = start;
+    }
+    var s = svd3(F);
+    if (is_turned) {
+        s.u = polar_rotation(end) * s.v;
+    }
+    return s;
+}
 
 @compute @workgroup_size(LANES)
 fn main(
@@ -26,7 +40,10 @@ fn main(
         let body = bodies[tag[p].y];
         let material = materials[body.material];
         let F = deformation_of(p);
-        let derivative = projected_derivative(material, trial_deformation(p, y, F), plastic_of(p, material.model));
+        let flows = params.tangent == FLOWING && params.flowing != 0u && is_plastic(material.model);
+        let at = decomposed(trial_deformation(p, y, F), F, params.tangent != TRIAL && !flows);
+        let slopes = slopes_within(material, at.sigma, plastic_of(p, material.model), flows);
+        let derivative = projected(at, slopes);
         var M = F;
         if (MLS) {
             // E is symmetric.

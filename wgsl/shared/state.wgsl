@@ -35,12 +35,27 @@ fn is_principal(model: u32) -> bool {
     return PRINCIPAL && model >= STVK_HENCKY;
 }
 
+/// Whether the return map can change F.
+fn is_plastic(model: u32) -> bool {
+    return PRINCIPAL && model >= VON_MISES_HENCKY;
+}
+
 fn has_plastic_state(model: u32) -> bool {
     return PRINCIPAL && model >= DRUCKER_PRAGER;
 }
 
 /// Singular values and plastic state in a return map.
 struct Returned { sigma: vec3<f32>, q: f32, moved: bool }
+
+/// The same with strains ε = ln σ.
+struct ReturnedStrain { strain: vec3<f32>, q: f32, moved: bool }
+
+fn stretches_of(after: ReturnedStrain, trial: Returned) -> Returned {
+    if (!after.moved) {
+        return trial;
+    }
+    return Returned(exp(after.strain), after.q, true);
+}
 
 /// What stress in principal space needs of F: filled by `deform` or `decompose` for laws in
 /// principal space.

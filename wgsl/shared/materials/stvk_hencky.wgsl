@@ -14,9 +14,12 @@ fn sum3(v: vec3<f32>) -> f32 {
     return v.x + v.y + v.z;
 }
 
-fn hencky_kirchhoff(sigma: vec3<f32>, mu: f32, lambda: f32) -> vec3<f32> {
-    let strain = ln_stretch(sigma);
+fn hencky_stress(strain: vec3<f32>, mu: f32, lambda: f32) -> vec3<f32> {
     return 2.0 * mu * strain + vec3<f32>(lambda * sum3(strain));
+}
+
+fn hencky_kirchhoff(sigma: vec3<f32>, mu: f32, lambda: f32) -> vec3<f32> {
+    return hencky_stress(ln_stretch(sigma), mu, lambda);
 }
 
 /// Along the axes λ + 2μ - τ_i, across them at most μ (1 + 2 Δε).

@@ -2,17 +2,29 @@
 // shrinks at equal volume.
 // Fixed corotated: 2 μ (σ - 1) σ takes the place of 2 μ ε, and is solved for its larger root.
 
-fn von_mises_return(trial: Returned, m: Material) -> Returned {
-    var out = trial;
-    let hencky = m.model == VON_MISES_HENCKY;
-    let shear = 2.0 * m.a * select((trial.sigma - 1.0) * trial.sigma, ln_stretch(trial.sigma), hencky);
+/// What of the principal stress has a deviator (Pa), 2 μ ε or 2 μ (σ - 1) σ, and the share of the
+/// deviator that the yield surface allows.
+struct RadialTrial { mean: f32, deviator: vec3<f32>, kept: f32 }
+
+fn radial_trial(shear: vec3<f32>, m: Material) -> RadialTrial {
     let mean = sum3(shear) / 3.0;
     let deviator = shear - mean;
     let size = length(deviator);
-    if (size > m.c) {
-        let kept = vec3<f32>(mean) + (m.c / size) * deviator;
-        let root = 0.5 * (1.0 + sqrt(max(1.0 + 2.0 * kept / m.a, vec3<f32>(0.0))));
-        out.sigma = select(root, exp(kept / (2.0 * m.a)), hencky);
+    return RadialTrial(mean, deviator, select(1.0, m.c / size, size > m.c));
+}
+
+/// The larger root σ of 2 μ (σ - 1) σ = x.
+fn stretch_of_shear(x: vec3<f32>, mu: f32) -> vec3<f32> {
+    return 0.5 * (1.0 + sqrt(max(1.0 + 2.0 * x / mu, vec3<f32>(0.0))));
+}
+
+fn von_mises_return(trial: Returned, m: Material) -> Returned {
+    var out = trial;
+    let hencky = m.model == VON_MISES_HENCKY;
+    let t = radial_trial(2.0 * m.a * select((trial.sigma - 1.0) * trial.sigma, ln_stretch(trial.sigma), hencky), m);
+    if (t.kept < 1.0) {
+        let kept = vec3<f32>(t.mean) + t.kept * t.deviator;
+        out.sigma = select(stretch_of_shear(kept, m.a), exp(kept / (2.0 * m.a)), hencky);
         out.moved = true;
     }
     return out;

@@ -25,9 +25,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let state = load_deformation(i, m.model);
     var P: mat3x3<f32>;
     frame_velocity[9u * n + i] = elastic_energy_pk1(m, state.F, state.q, &P);
+    let s = svd3(state.F);
     var dF: mat3x3<f32>;
     dF[i % 3u][(i / 3u) % 3u] = 1.0;
-    let dP = projected_times(projected_derivative(m, state.F, state.q), dF);
+    let dP = projected_times(projected(s, elastic_slopes(m, s.sigma, state.q)), dF);
     for (var c = 0u; c < 3u; c++) {
         for (var r = 0u; r < 3u; r++) {
             frame_velocity[(3u * c + r) * n + i] = P[c][r];

@@ -13,6 +13,8 @@ mod derivative_tests;
 mod engine;
 mod failure;
 #[cfg(test)]
+mod flowing_tests;
+#[cfg(test)]
 mod law_tests;
 pub mod layout;
 mod readback;

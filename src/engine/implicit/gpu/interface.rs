@@ -3,6 +3,7 @@
 
 use wgpu::{Buffer, ComputePass};
 
+use super::layout::Tangent;
 use crate::contract::EngineError;
 use crate::gpu::Gpu;
 use crate::gpu::memory::{Memory, Size, Sizes, storage};
@@ -141,16 +142,4 @@ pub trait Evaluate {
 
     /// What gravity does in a step (m/s).
     fn fall_m_s(&self) -> f64;
-}
-
-/// Derivatives of the laws in a Hessian. Their numbers are those of `tangent` in
-/// `wgsl/implicit/layout.wgsl`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Tangent {
-    /// At the trial.
-    Trial = 0,
-    /// Of the start's stretch, turned to the trial, as if nothing flowed.
-    Elastic = 1,
-    /// The same, but of plastic laws that of their flow.
-    Flowing = 2,
 }

@@ -6,6 +6,18 @@ use bytemuck::{Pod, Zeroable};
 pub const ERROR_NAN: u32 = 1;
 pub const ERROR_DOMAIN: u32 = 4;
 
+/// The derivative that the matrix is made of, see [`crate::implicit::solver::objective::Objective`].
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tangent {
+    /// At the trial: that of `hessian`.
+    Trial,
+    /// At the step's start, turned to where the trial is: `tangent` of elastic bodies.
+    Turned,
+    /// `tangent` of bodies that flow within the step.
+    Flowing,
+}
+
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Params {
@@ -23,6 +35,10 @@ pub struct Params {
     pub stride: u32,
     pub rows: u32,
     pub mass_floor: f32,
+    pub tangent: u32,
+    pub flowing: u32,
+    pub spare0: u32,
+    pub spare1: u32,
     pub walls: [[f32; 4]; 6],
 }
 
@@ -38,9 +54,9 @@ pub struct Report {
     pub separating: u32,
     pub released: u32,
     pub rubbing: u32,
+    pub most_strain: u32,
     pub spare0: u32,
     pub spare1: u32,
-    pub spare2: u32,
 }
 
 #[repr(C)]

@@ -12,5 +12,6 @@ pub mod stages;
 mod step;
 
 pub use engine::supports;
+pub use layout::Tangent;
 pub use readback::{NodeReading, ParticleReading, SortReading, SystemReading};
 pub use step::DeviceStep;

@@ -166,6 +166,12 @@ impl DeviceStep {
         self.buffers.system.memory.write(&self.gpu, "dv", 0, &values);
     }
 
+    /// [`Self::reach`] of the direction in `dv`.
+    pub fn reach_along_dv(&self) -> Result<f64, EngineError> {
+        self.gpu.submit(|encoder| self.look_at_dv(encoder));
+        self.reach()
+    }
+
     /// The matrix at `dv`.
     pub fn assemble(&self) {
         self.gpu.submit(|encoder| {

@@ -73,6 +73,9 @@ pub const EVALUATE: &[Stage] =
 /// The matrix there.
 pub const HESSIAN: &[Stage] = &[Run("implicit/tensor", Blocks), Run("implicit/assemble", Rows)];
 
+/// How much a direction strains what flows.
+pub const REACH: &[Stage] = &[Run("implicit/reach", Blocks)];
+
 /// Surfaces that pull let go, friction joins.
 pub const REVISE: &[Stage] = &[
     Run("implicit/strain", Blocks),
@@ -90,7 +93,7 @@ pub const FINISH: &[Stage] = &[
     Run("implicit/g2p", Blocks),
 ];
 
-const LISTS: [&[Stage]; 8] = [SORT, BOUND, BEGIN, REST, EVALUATE, HESSIAN, REVISE, FINISH];
+const LISTS: [&[Stage]; 9] = [SORT, BOUND, BEGIN, REST, EVALUATE, HESSIAN, REACH, REVISE, FINISH];
 
 /// The passes of a prefix sum.
 fn sums(of: &'static str) -> [(&'static str, Extent); 3] {
@@ -114,15 +117,16 @@ pub struct Stages {
     pub rest: Dispatches<Extent>,
     pub evaluate: Dispatches<Extent>,
     pub hessian: Dispatches<Extent>,
+    pub reach: Dispatches<Extent>,
     pub revise: Dispatches<Extent>,
     pub finish: Dispatches<Extent>,
 }
 
 impl Stages {
     pub fn new(tools: Tools, memory: &Memory, system: &System) -> Self {
-        let [sort, bound, begin, rest, evaluate, hessian, revise, finish] =
+        let [sort, bound, begin, rest, evaluate, hessian, reach, revise, finish] =
             LISTS.map(|list| dispatches(tools, list, memory, system));
-        Self { sort, bound, begin, rest, evaluate, hessian, revise, finish }
+        Self { sort, bound, begin, rest, evaluate, hessian, reach, revise, finish }
     }
 }
 

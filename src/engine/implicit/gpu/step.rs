@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::buffers::{Buffers, Counts};
 use super::interface::{Evaluate, System};
-use super::layout::{Params, Report, Sweep};
+use super::layout::{Params, Report, Sweep, Tangent};
 use super::stages::{Extent, Stages};
 use crate::contract::EngineError;
 use crate::explicit::gpu::scene::{self, SceneData};
@@ -14,11 +14,12 @@ use crate::gpu::memory::Memory;
 use crate::gpu::program::{Dispatches, Programs, Tools};
 use crate::gpu::{Gpu, Variant};
 use crate::implicit::engine::Moved;
+use crate::implicit::solver::objective::reach_of;
 use gridfall_core::material::Law;
 use gridfall_core::sim::collider::Collider;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
-use gridfall_core::sim::setup::{Body, Material, Setup};
+use gridfall_core::sim::setup::{Body, Material, Plasticity, Setup};
 use gridfall_core::sim::side::Plates;
 
 /// Nodes lighter than this share of a full one fall freely, without forces.
@@ -38,6 +39,8 @@ pub struct DeviceStep {
     pub(super) layout: DeviceLayout,
     /// Whether a separating surface constrains any node.
     separating: bool,
+    /// Whether any material flows within the step.
+    flows: bool,
 }
 
 impl DeviceStep {
@@ -62,6 +65,8 @@ impl DeviceStep {
         memory.write(&gpu, "characteristic", 0, &characteristics);
         scene.write(&gpu, &memory);
         let densest = setup.bodies.iter().map(|b| b.mass / b.volume0).fold(0.0, f64::max);
+        let flowing = setup.implicit.plasticity() == Plasticity::Flowing;
+        let flows = flowing && setup.materials.iter().any(|material| Law::<f64>::new(material).is_plastic());
         let shared = layout.params(setup);
         let params = Params {
             blocks: shared.blocks,
@@ -74,13 +79,14 @@ impl DeviceStep {
             walls: shared.walls,
             room: counts.particles as u32,
             mass_floor: (FREE_FALL_SHARE * densest * setup.dx.powi(3)) as f32,
+            flowing: u32::from(flowing),
             ..Params::default()
         };
         let programs = Programs::new(Variant::of(setup));
         let stages = Stages::new(Tools { gpu: &gpu, programs: &programs }, &memory, &system);
         let buffers = Buffers { counts, memory, system, live: 0, blocks: 0 };
         let setup = setup.clone();
-        let mut stepper = Self { gpu, programs, stages, buffers, params, setup, layout, separating: false };
+        let mut stepper = Self { gpu, programs, stages, buffers, params, setup, layout, separating: false, flows };
         stepper.append(particles)?;
         Ok(stepper)
     }
@@ -184,6 +190,25 @@ impl DeviceStep {
         Ok(())
     }
 
+    /// Which derivative the matrix is made of from the next submission on. A step begins with that at
+    /// the trial.
+    pub fn set_tangent(&self, tangent: Tangent) {
+        let place = std::mem::offset_of!(Params, tangent) / size_of::<u32>();
+        self.memory().write(&self.gpu, "params", place, &[tangent as u32]);
+    }
+
+    /// The largest part of a direction p of Δv, which is in `trial`, that a solver may go at once; see
+    /// [`crate::implicit::solver::objective::Objective::reach`].
+    pub fn reach(&self) -> Result<f64, EngineError> {
+        if !self.flows {
+            return Ok(1.0);
+        }
+        let place = std::mem::offset_of!(Report, most_strain) / size_of::<u32>();
+        self.memory().write(&self.gpu, "report", place, &[0u32]);
+        self.gpu.pass(|pass| self.run(pass, &self.stages.reach));
+        Ok(reach_of(f64::from(f32::from_bits(self.read_report()?.most_strain))))
+    }
+
     /// Makes `dv` the trial.
     pub(super) fn look_at_dv(&self, encoder: &mut wgpu::CommandEncoder) {
         let system = &self.buffers.system;
@@ -269,6 +294,14 @@ impl Evaluate for DeviceStep {
 
     fn record_hessian(&self, pass: &mut wgpu::ComputePass) {
         self.run(pass, &self.stages.hessian);
+    }
+
+    fn set_tangent(&self, tangent: Tangent) {
+        Self::set_tangent(self, tangent);
+    }
+
+    fn reach(&self) -> Result<f64, EngineError> {
+        Self::reach(self)
     }
 
     fn fall_m_s(&self) -> f64 {

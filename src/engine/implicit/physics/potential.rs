@@ -15,7 +15,9 @@ use super::friction::{Drag, STICKING_DX};
 use super::state::BodySetup;
 use super::topology::period;
 use crate::contract::Control;
-use crate::implicit::solver::objective::{Freedom, LinearOperator, NodeId, NodeVectors, Objective, Renewed, Splitting};
+use crate::implicit::solver::objective::{
+    Freedom, LinearOperator, NodeId, NodeVectors, Objective, Renewed, Splitting, reach_of,
+};
 use crate::implicit::solver::sparse::Bsr;
 use crate::implicit::solver::turning::UNFELT;
 use gridfall_core::material::{Law, Projected, Tensor4};
@@ -27,9 +29,6 @@ use gridfall_core::sim::setup::{Plasticity, Setup};
 
 mod linearised;
 mod splitting;
-
-/// Largest |dt ∇v| of what flows that an iteration may add.
-const MOST_STRAIN: f64 = 0.3;
 
 /// Area of a node's characteristic norm over dx² (HOT §5.2); in 2D its length over dx, of the
 /// square of its neighbours.
@@ -405,7 +404,7 @@ impl<const D: usize> Objective<D> for Potential<'_, D> {
         };
         let groups = (0..self.step.topology.groups()).into_par_iter().with_min_len(8);
         let most = groups.map(of_group).reduce(|| 0.0, f64::max).sqrt();
-        (MOST_STRAIN / most).min(1.0)
+        reach_of(most)
     }
 
     fn renew(&mut self, dv: &NodeVectors<D>) -> Renewed {

@@ -40,6 +40,14 @@ impl<const D: usize> Freedom<D> {
     }
 }
 
+/// Largest |dt ∇v| of what flows that an iteration may add.
+const MOST_STRAIN: f64 = 0.3;
+
+/// [`Objective::reach`] of a direction with this |dt ∇v| at most where a material flows.
+pub fn reach_of(strain: f64) -> f64 {
+    (MOST_STRAIN / strain).min(1.0)
+}
+
 /// What [`Objective::renew`] has changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Renewed {

@@ -9,7 +9,8 @@ use super::stages::{ADOPT, ATTEMPT, CG_MEASURE, CG_START, CG_STEP, Stage, append
 use crate::contract::{EngineError, Solve};
 use crate::gpu::memory::{Memory, Scope, storage};
 use crate::gpu::program::{Dispatches, Tools};
-use crate::implicit::gpu::interface::{Evaluate, System, Tangent, sizes};
+use crate::implicit::gpu::interface::{Evaluate, System, sizes};
+use crate::implicit::gpu::layout::Tangent;
 use crate::implicit::solver::krylov;
 use crate::implicit::solver::objective::Renewed;
 use crate::implicit::solver::turning::{Aim, MAX_HALVINGS, MAX_ITERATIONS, REDUCTION, SLOPE, UNFELT};
@@ -62,7 +63,7 @@ impl Run<'_> {
         solve.levels = self.hierarchy.levels.len() as u32;
         solve.nonzeros = u64::from(self.hierarchy.nonzeros);
         let mut aim = Aim::new(settings, Some(ROUNDING));
-        let mut at = self.build(Tangent::Elastic)?;
+        let mut at = self.build(Tangent::Turned)?;
         if at.flags & BROKEN != 0 {
             solve.residual = f64::INFINITY;
             return Ok(());
@@ -80,7 +81,7 @@ impl Run<'_> {
                 return Ok(());
             }
             if !is_new {
-                self.build(if error > before { Tangent::Elastic } else { Tangent::Flowing })?;
+                self.build(if error > before { Tangent::Turned } else { Tangent::Flowing })?;
                 cg = self.start()?;
             }
             before = error;
