@@ -10,6 +10,11 @@ use crate::common;
 
 /// A bar that hangs in a grip which turns and pulls, beside a block that slides on a floor with friction.
 fn scene(kernel: &str, transfer: &str) -> Problem {
+    scene_of(kernel, transfer, r#"{ "method": "hot", "tolerance": 1e-8 }"#)
+}
+
+/// The same with these settings of the solver.
+fn scene_of(kernel: &str, transfer: &str, implicit: &str) -> Problem {
     common::problem(&format!(
         r#"{{ "gridfall": 1, "name": "implicit",
         "domain": {{ "min": [0, 0, 0], "max": [1, 0.6, 1], "dx": 0.05,
@@ -31,7 +36,7 @@ fn scene(kernel: &str, transfer: &str) -> Problem {
                    "angular_velocity": [0, 0, 4] }} }} ],
         "time": {{ "end": 1, "frame_rate": 24 }},
         "solver": {{ "kernel": "{kernel}", "transfer": "{transfer}", "integrator": "implicit", "contact": "nodes",
-            "implicit": {{ "method": "hot", "tolerance": 1e-8 }} }} }}"#
+            "implicit": {implicit} }} }}"#
     ))
 }
 
@@ -70,10 +75,78 @@ fn it_moves_as_on_the_cpu() {
     }
 }
 
+/// Newton's method, with metal that flows, up to the tolerance of both.
+#[test]
+fn newtons_steps_are_those_of_the_cpu() {
+    for (kernel, transfer) in [("quadratic", "apic"), ("compact", "mls")] {
+        let problem = scene_of(kernel, transfer, r#"{ "tolerance": 2e-3 }"#);
+        let (stats, gpu) = run(&mut engine(&problem), &problem, 2);
+        let (reference, cpu) =
+            run(&mut ImplicitEngine::new(&problem.setup, problem.particles.clone()).unwrap(), &problem, 2);
+        let (x, v) = (farthest(&gpu.x, &cpu.x) / problem.setup.dx, farthest(&gpu.v, &cpu.v));
+        println!("{kernel} {transfer}: x {x:.1e} dx, v {v:.1e} m/s");
+        for (a, b) in stats.iter().zip(&reference).flat_map(|(a, b)| a.solves.iter().zip(&b.solves)) {
+            println!("  {} iterations, {} cycles, {:.1e}", a.iterations, a.inner_iterations, a.residual);
+            println!("  {} iterations, {} cycles, {:.1e} on the CPU", b.iterations, b.inner_iterations, b.residual);
+        }
+        assert!(stats.iter().zip(&reference).all(|(a, b)| a.steps == b.steps));
+        assert!(x < 2e-3 && v < 2e-2);
+    }
+}
+
+/// A block of 1e10 Pa that spins as it falls: gravity is all that it feels, in f32 as in f64.
+#[test]
+fn stiff_bodies_fall_freely() {
+    for (kernel, transfer) in [("quadratic", "apic"), ("compact", "mls")] {
+        let problem = common::problem(&format!(
+            r#"{{ "gridfall": 1, "name": "fall", "gravity": [0, 0, -9.81],
+            "domain": {{ "min": [0, 0, 0], "max": [1, 1, 1], "dx": 0.05 }},
+            "materials": {{ "stone": {{ "model": "fixed-corotated", "density": 2500, "youngs_modulus": 1e10,
+                "poissons_ratio": 0.2 }} }},
+            "bodies": [ {{ "name": "stone", "material": "stone", "angular_velocity": [1, 4, 2], "velocity": [0.5, 0, 1],
+                "shape": {{ "box": {{ "min": [0.3, 0.4, 0.4], "max": [0.5, 0.55, 0.6] }} }} }} ],
+            "time": {{ "end": 1, "frame_rate": 50 }},
+            "solver": {{ "kernel": "{kernel}", "transfer": "{transfer}", "integrator": "implicit" }} }}"#
+        ));
+        let frames = 5;
+        let (stats, gpu) = run(&mut engine(&problem), &problem, frames);
+        let (_, cpu) =
+            run(&mut ImplicitEngine::new(&problem.setup, problem.particles.clone()).unwrap(), &problem, frames);
+        let centre = |x: &[[f64; 3]]| [0, 1, 2].map(|a| x.iter().map(|x| x[a]).sum::<f64>() / x.len() as f64);
+        let time_s = f64::from(frames) * problem.setup.frame_s;
+        let solves: Vec<_> = stats.iter().flat_map(|stats| &stats.solves).collect();
+        // Implicit Euler falls by g Σ t dt, half a step ahead of the parabola.
+        let mut fall = [0.0; 2];
+        for solve in &solves {
+            fall[0] += 9.81 * solve.dt_s;
+            fall[1] += fall[0] * solve.dt_s;
+        }
+        let mut right = centre(&problem.particles.x);
+        (right[0], right[2]) = (right[0] + 0.5 * time_s, right[2] + time_s - fall[1]);
+        let dx = problem.setup.dx;
+        let off = [&gpu, &cpu].map(|end| farthest(&[centre(&end.x)], &[right]) / dx);
+        let apart = farthest(&gpu.x, &cpu.x) / dx;
+        let effort = |of: fn(&gridfall_engine::Solve) -> u32| solves.iter().map(|solve| of(solve)).sum::<u32>();
+        println!(
+            "{kernel}: centre off by {:.1e} dx, {:.1e} on the CPU; particles {apart:.1e} dx apart; {} steps, {} \
+             iterations, {} cycles",
+            off[0],
+            off[1],
+            solves.len(),
+            effort(|solve| solve.iterations),
+            effort(|solve| solve.inner_iterations)
+        );
+        // The tolerance, of how far it falls.
+        assert!(off[0] < 1e-2 * fall[1] / dx);
+        assert!(apart < 1e-2);
+    }
+}
+
 #[test]
 fn it_repeats_itself_to_the_bit() {
-    let problem = scene("compact", "apic");
-    assert_eq!(run(&mut engine(&problem), &problem, 1), run(&mut engine(&problem), &problem, 1));
+    for problem in [scene("compact", "apic"), scene_of("compact", "apic", "{}")] {
+        assert_eq!(run(&mut engine(&problem), &problem, 1), run(&mut engine(&problem), &problem, 1));
+    }
 }
 
 #[test]

@@ -20,6 +20,11 @@ pub(crate) trait Stepper {
     /// Particles in the simulation.
     fn live(&self) -> usize;
 
+    /// The longest step (s) that the device's numbers allow.
+    fn longest_s(&self) -> f64 {
+        f64::INFINITY
+    }
+
     /// Starts a step of `dt_s` from `time_s`. `again`: with the particles of the last step, which
     /// was too long.
     fn begin(&mut self, time_s: f64, dt_s: f64, again: bool) -> Result<(), EngineError>;
@@ -199,7 +204,8 @@ impl Engine for ImplicitEngine {
                 return Err(EngineError::Canceled);
             }
             let remaining_s = frame_s - gone_s;
-            let dt = next_dt_s(self.stepper.setup(), self.max_speed_m_s, remaining_s).min(longest_s);
+            let dt = next_dt_s(self.stepper.setup(), self.max_speed_m_s, remaining_s, self.stepper.longest_s())
+                .min(longest_s);
             if longest_s.is_infinite() {
                 self.refuse_too_fast(dt)?;
             }

@@ -15,10 +15,10 @@ pub fn max_speed_m_s(particles: &Particles) -> f64 {
 }
 
 /// The next step (s) of particles whose fastest moves at `speed_m_s`, with `remaining_s` left of
-/// the frame: what [`crossing_s`] and `max_dt` allow. What is left of a frame goes in one step, or
-/// in two equal ones.
-pub fn next_dt_s(setup: &Setup, speed_m_s: f64, remaining_s: f64) -> f64 {
-    let longest = setup.max_dt_s.unwrap_or(f64::INFINITY);
+/// the frame: what [`crossing_s`], `max_dt` and the device (`longest_s`) allow. What is left of a
+/// frame goes in one step, or in two equal ones.
+pub fn next_dt_s(setup: &Setup, speed_m_s: f64, remaining_s: f64, longest_s: f64) -> f64 {
+    let longest = setup.max_dt_s.unwrap_or(f64::INFINITY).min(longest_s);
     let dt = crossing_s(setup, speed_m_s).min(longest).max(MIN_IMPLICIT_STEP_S);
     if dt >= remaining_s {
         remaining_s

@@ -1,6 +1,8 @@
 // Inverses of the diagonal blocks, D⁻¹ = Σ v vᵀ / λ from the eigenvectors. A coarse node that is
 // reached through sliding nodes only has a singular block: its missing directions get the block's
 // largest eigenvalue, in the matrix too, which leaves them alone.
+// The row of a node that few particles see is taken as it stands, and its sum left out: its own block
+// is smaller than those that couple it to others, and would drown in their rounding.
 // Out: inverse[k * stride + row], k = xx, xy, xz, yy, yz, zz. A thread a row.
 //
 // uses implicit/linear/level, implicit/linear/stencil_*
@@ -13,6 +15,14 @@
 // Relative to the largest eigenvalue: above the roundings of a product with S, below every ratio
 // that f32 can make use of.
 const SINGULAR = 2e-6;
+
+fn size2(at: u32) -> f32 {
+    var sum = 0.0;
+    for (var k = 0u; k < 9u; k++) {
+        sum += values[at + k * level.stride] * values[at + k * level.stride];
+    }
+    return sum;
+}
 
 // Jacobi rotation of a symmetric matrix in the plane (p, q), gathered into v.
 fn rotate(m: ptr<function, array<vec3<f32>, 3>>, v: ptr<function, array<vec3<f32>, 3>>, p: u32, q: u32) {
@@ -85,5 +95,16 @@ fn main(@builtin(global_invocation_id) thread: vec3<u32>) {
     }
     for (var k = 0u; k < 6u; k++) {
         inverse[k * level.stride + row] = d[k];
+    }
+    var widest = 0.0;
+    for (var slot = 0u; slot < SLOTS; slot++) {
+        widest = max(widest, select(size2(9u * slot * level.stride + row), 0.0, slot == CENTRE));
+    }
+    let is_light = widest > size2(at);
+    anchors[9u * level.stride + row] = select(1.0, 0.0, is_light);
+    if (is_light) {
+        for (var k = 0u; k < 9u; k++) {
+            anchors[k * level.stride + row] = 0.0;
+        }
     }
 }

@@ -1,5 +1,6 @@
 // y = A x by rows, as y_i = anchor_i x_i + Σ_j≠i A_ij (x_j − x_i), anchor_i the sum of the row: what
-// stiff bodies do as a whole costs them nothing then, whatever the rounding of A.
+// stiff bodies do as a whole costs them nothing then, whatever the rounding of A. Rows of light nodes
+// are plain (diagonal.wgsl).
 // 32 rows a workgroup, their slots dealt to 8 lanes each, whose sums are added in order. Neighbouring
 // lanes read neighbouring rows of slot-major values. The entry point says what x is by
 // `gathered(row)`.
@@ -16,7 +17,8 @@ fn product(row: u32, lane: u32, wanted: bool) -> vec3<f32> {
     var sum = vec3<f32>();
     if (wanted) {
         let n = level.stride;
-        let own = gathered(row);
+        let all = gathered(row);
+        let own = anchors[9u * n + row] * all;
         for (var slot = lane / ROWS; slot < SLOTS; slot += PARTS) {
             // Without a neighbour the block is zero, and the own one has no say.
             let j = columns[slot * n + row];
@@ -30,9 +32,9 @@ fn product(row: u32, lane: u32, wanted: bool) -> vec3<f32> {
         }
         if (lane < ROWS) {
             sum += vec3<f32>(
-                anchors[row] * own.x + anchors[row + n] * own.y + anchors[row + 2u * n] * own.z,
-                anchors[row + 3u * n] * own.x + anchors[row + 4u * n] * own.y + anchors[row + 5u * n] * own.z,
-                anchors[row + 6u * n] * own.x + anchors[row + 7u * n] * own.y + anchors[row + 8u * n] * own.z,
+                anchors[row] * all.x + anchors[row + n] * all.y + anchors[row + 2u * n] * all.z,
+                anchors[row + 3u * n] * all.x + anchors[row + 4u * n] * all.y + anchors[row + 5u * n] * all.z,
+                anchors[row + 6u * n] * all.x + anchors[row + 7u * n] * all.y + anchors[row + 8u * n] * all.z,
             );
         }
     }

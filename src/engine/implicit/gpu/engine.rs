@@ -9,14 +9,18 @@ use crate::contract::{Control, EngineError, Solve};
 use crate::gpu::device::Gpu;
 use crate::implicit::engine::{ImplicitEngine, Moved, Stepper};
 use crate::implicit::step::max_speed_m_s;
+use gridfall_core::material::Law;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::settings::{CoarseSolve, Method};
-use gridfall_core::sim::setup::{Axis, Setup};
+use gridfall_core::sim::setup::{Axis, Body, Setup};
 use gridfall_core::sim::touch;
 
 /// Fewest cells along a periodic axis: no node may be its own neighbour's neighbour from both
 /// sides.
 const LEAST_PERIOD: usize = 8;
+
+/// Part of a body's inertia that rounding of its stiffness may be.
+const ROUNDING_SHARE: f64 = 0.2;
 
 /// Whether the engine can run a problem at all; the reason if not.
 pub fn supports(setup: &Setup) -> Result<(), String> {
@@ -41,6 +45,16 @@ pub fn supports(setup: &Setup) -> Result<(), String> {
         return Err(format!("the GPU's implicit engine needs {LEAST_PERIOD} cells along a periodic axis"));
     }
     Ok(())
+}
+
+/// The longest step (s) of Newton's method in f32. Rounding of the Hessian resists or feeds what a body
+/// does as a whole with a share ε ξ dt²/(ρ dx²) of its inertia, ξ the characteristic stiffness.
+fn longest_s(setup: &Setup) -> f64 {
+    let of_body = |body: &Body| {
+        let stiffness = Law::<f64>::new(&setup.materials[body.material]).characteristic::<3>();
+        setup.dx * (ROUNDING_SHARE / f64::from(f32::EPSILON) * body.mass / body.volume0 / stiffness).sqrt()
+    };
+    setup.bodies.iter().map(of_body).fold(f64::INFINITY, f64::min)
 }
 
 impl ImplicitEngine {
@@ -73,6 +87,10 @@ impl Stepper for GpuStepper {
 
     fn live(&self) -> usize {
         self.step.live()
+    }
+
+    fn longest_s(&self) -> f64 {
+        if self.step.setup.implicit.method == Method::Newton { longest_s(&self.step.setup) } else { f64::INFINITY }
     }
 
     fn begin(&mut self, time_s: f64, dt_s: f64, again: bool) -> Result<(), EngineError> {

@@ -87,7 +87,12 @@ impl Run<'_> {
             before = error;
             let left = aim.left(solve.iterations, sharpness);
             solve.iterations += 1;
-            solve.inner_iterations += self.direction(cg, left)?;
+            let (n, positive) = self.direction(cg, left)?;
+            solve.inner_iterations += n;
+            // Rounding has made the matrix indefinite: only a shorter step helps.
+            if !positive {
+                return Ok(());
+            }
             let Some((found, halvings)) = self.search()? else { return Ok(()) };
             solve.halvings += halvings;
             at = found;
@@ -152,8 +157,9 @@ impl Run<'_> {
         size2.sqrt().max(self.evaluate.fall_m_s() * mass.sqrt()).max(UNFELT * motion2.sqrt())
     }
 
-    /// Solves A s = ∇E until the error of s is at most the part `left` of ‖Δv − s‖; the iterations.
-    fn direction(&self, mut cg: Cg, left: f64) -> Result<u32, EngineError> {
+    /// Solves A s = ∇E until the error of s is at most the part `left` of ‖Δv − s‖. Gives the iterations,
+    /// and whether A and V were positive all the way.
+    fn direction(&self, mut cg: Cg, left: f64) -> Result<(u32, bool), EngineError> {
         let gpu = self.tools.gpu;
         let first = f64::from(cg.zr);
         let measure = self.linear(CG_MEASURE, 0);
@@ -164,7 +170,7 @@ impl Run<'_> {
             let is_done = zr <= REDUCTION * REDUCTION * first && zr <= goal * goal;
             // Written so that NaN ends it.
             if is_done || !(zr > 0.0) || iterations >= krylov::MAX_ITERATIONS {
-                return Ok(iterations);
+                return Ok((iterations, zr >= 0.0));
             }
             gpu.pass(|pass| {
                 steps[iterations as usize % 2].record(pass);
@@ -173,7 +179,7 @@ impl Run<'_> {
             });
             cg = self.cg()?;
             if !(cg.pap > 0.0) {
-                return Ok(iterations);
+                return Ok((iterations, false));
             }
             iterations += 1;
         }

@@ -107,10 +107,11 @@ impl Sample {
         let mut columns = vec![NO_NODE; slots(self.kernel) as usize * stride];
         let mut values = vec![0.0f32; columns.len() * 9];
         let rows: BTreeMap<_, _> = self.ids.iter().enumerate().map(|(row, id)| (*id, row)).collect();
-        let mut anchors = vec![0.0f32; 9 * stride];
+        let mut anchors = vec![0.0f32; 10 * stride];
         let mut blocks = 0;
         for (row, id) in self.ids.iter().enumerate() {
             let range = self.matrix.row_start[row]..self.matrix.row_start[row + 1];
+            anchors[9 * stride + row] = 1.0;
             for (a, c) in (0..3).flat_map(|a| (0..3).map(move |c| (a, c))) {
                 let sum: f64 = self.matrix.blocks[range.clone()].iter().map(|block| block[a][c]).sum();
                 anchors[(3 * a + c) * stride + row] = sum as f32;
