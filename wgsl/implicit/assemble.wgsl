@@ -117,7 +117,7 @@ fn main(
     if (lane < SLOTS) {
         let column = columns[lane * params.stride + row];
         if (column == NO_NODE) {
-            part = -(S * block * S);
+            part = -1.0 * (S * block * S);
             block = mat3x3<f32>();
         } else if (column == row) {
             let identity = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
