@@ -83,7 +83,7 @@ pub(super) fn round(problem: &mut Problem) {
 
 /// The CPU's step.
 pub(super) struct Reference<'a> {
-    problem: &'a Problem,
+    pub problem: &'a Problem,
     pub bodies: Vec<BodySetup>,
     pub step: Discretisation<3>,
 }
@@ -122,11 +122,11 @@ pub(super) fn larger(worst: &mut f64, difference: f64) {
     *worst = if difference.is_nan() { f64::INFINITY } else { worst.max(difference) };
 }
 
-fn norm(v: &[f64; 3]) -> f64 {
+pub(super) fn norm(v: &[f64; 3]) -> f64 {
     dot(v, v).sqrt()
 }
 
-fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+pub(super) fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     norm(&std::array::from_fn::<f64, 3, _>(|k| a[k] - b[k]))
 }
 
@@ -240,7 +240,7 @@ fn compare_matrix(gpu: &SystemReading, rows: &[Option<usize>], cpu: &Reference, 
         })
         .collect();
     let free = |i: usize| cpu.step.boundary.freedoms[i] == Freedom::Free;
-    let (mut columns, mut worst, mut sliding) = (0.0, 0.0, 0.0);
+    let (mut columns, mut worst, mut sliding, mut anchored) = (0.0, 0.0, 0.0, 0.0);
     for (i, row) in rows.iter().enumerate() {
         let Some(row) = *row else { continue };
         let mut found: HashMap<u32, [[f64; 3]; 3]> = HashMap::new();
@@ -251,7 +251,9 @@ fn compare_matrix(gpu: &SystemReading, rows: &[Option<usize>], cpu: &Reference, 
                 columns += 1.0;
             }
         }
+        let mut sum = [[0.0; 3]; 3];
         for k in matrix.row_start[i]..matrix.row_start[i + 1] {
+            (0..9).for_each(|e| sum[e / 3][e % 3] += matrix.blocks[k][e / 3][e % 3]);
             let j = matrix.columns[k] as usize;
             let Some(block) = rows[j].and_then(|column| found.remove(&(column as u32))) else {
                 columns += 1.0;
@@ -263,10 +265,11 @@ fn compare_matrix(gpu: &SystemReading, rows: &[Option<usize>], cpu: &Reference, 
                 larger(worst, distance(&block[a], &matrix.blocks[k][a]) / unit);
             }
         }
+        (0..3).for_each(|a| larger(&mut anchored, distance(&gpu.anchors[row][a], &sum[a]) / diagonal[i]));
         // Nodes that no particle couples have a column, but nothing in it.
         found.values().for_each(|block| larger(&mut worst, size(block) / diagonal[i]));
     }
-    vec![("columns that differ", columns), ("blocks", worst), ("sliding blocks", sliding)]
+    vec![("columns that differ", columns), ("blocks", worst), ("sliding blocks", sliding), ("sums of rows", anchored)]
 }
 
 /// What the step's end differs by, with the Δv on the device.

@@ -56,11 +56,12 @@ fn shared_structs_agree() {
     let m = parse("implicit/boundary");
     twin!(m, implicit, Params: blocks, particles, cells, dx, gravity, dt, pad, capacity, periodic, colliders, room,
         stride, rows,
-        mass_floor, tangent, flowing, spare0, spare1, walls);
+        mass_floor, tangent, flowing, touch, links, link_room, mass_unit, spare0, spare1, walls);
     twin!(m, implicit, Report: error, error_particle, max_shift, max_speed, blocks, rows, separating, released,
-        rubbing, most_strain, spare0, spare1);
+        rubbing, most_strain, links, spare0);
     twin!(m, implicit, Sweep: r0, r1, r2);
     twin!(m, implicit, Touch: normal, velocity, arm, impulse);
+    twin!(m, implicit, Link: particle, collider, body, grip, limit);
     let m = parse("implicit/linear/gauss_seidel");
     twin!(m, linear, Level: low, rows, blocks, stride, period, grids, groups, degree, range, sliding, factor, spare);
     twin!(m, linear, Colour: colour, half, counts, spare);
@@ -143,6 +144,18 @@ fn shared_constants_agree() {
         ("TRIAL", implicit::Tangent::Trial),
         ("TURNED", implicit::Tangent::Turned),
         ("FLOWING", implicit::Tangent::Flowing),
+    ] {
+        assert_eq!(constant(&m, name), rust as u32, "{name}");
+    }
+    let m = parse("implicit/contact/near");
+    assert_eq!(number(&m, "UNMET"), implicit::UNMET);
+    assert_eq!(number(&m, "APPEARS"), implicit::APPEARS);
+    let m = parse("implicit/contact/renew");
+    for (name, rust) in [
+        ("HOLDING_LIMITS", implicit::HOLDING_LIMITS),
+        ("HOLDING_GRIPS", implicit::HOLDING_GRIPS),
+        ("HOLDING_MASS", implicit::HOLDING_MASS),
+        ("HOLDING_BODIES", implicit::HOLDING_BODIES),
     ] {
         assert_eq!(constant(&m, name), rust as u32, "{name}");
     }

@@ -9,6 +9,8 @@ mod contact;
 mod explicit;
 mod frames;
 mod implicit;
+mod implicit_contact;
+mod implicit_contact_frames;
 mod implicit_flow;
 mod implicit_frames;
 mod implicit_order;

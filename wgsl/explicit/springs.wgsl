@@ -1,13 +1,9 @@
 // Springs between a particle and the faces of colliders. Twin: src/core/sim/touch.rs.
 //
-// uses explicit/layout
+// uses explicit/layout, shared/faces
 
-/// Share of a particle's spacing at which it stands from a face that it would have gone through.
-const STANDOFF: f32 = 0.01;
 /// Depth, as a share of its spacing, at which a face that only pushes damps in full.
 const SOFT: f32 = 0.01;
-/// Share of its spacing up to which a particle that finds a face there is bonded to it.
-const BONDED: f32 = 1.01;
 
 struct Face {
     collider: u32,       // counted from 1

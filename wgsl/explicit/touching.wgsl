@@ -4,18 +4,11 @@
 // What it finds out lies where the transfer that follows will overwrite it: the particle's new offset
 // in `position_out`, and what faces add to its velocity in `position_out` and `destinations`.
 //
-// uses explicit/springs, explicit/reactions, explicit/touched, shared/distance, shared/kernel_*
+// uses explicit/springs, explicit/reactions, explicit/touched, shared/faces, shared/kernel_*
 
 /// Cells from a block's middle within which its particles may touch something: they move less than a
 /// cell, and so do faces.
 const REACH = 7.2;
-/// Least half step of a normal's differences (dx): below it they are noise.
-const LEAST_STEP: f32 = 0.00390625;
-const MOST_STEPS = 256u;
-/// `touches` of a collider that has a sheet.
-const SHEET = 2u;
-/// Distance (standoffs) at which a particle that was stopped meets a sheet again.
-const AGAIN: f32 = 0.2;
 
 /// Whether some collider is near the block.
 var<workgroup> close_by: atomic<u32>;
@@ -83,37 +76,8 @@ fn face_at(c: u32, x: vec3<f32>, later: u32) -> Face {
     let pose = pose_at(c, later);
     let local = to_local(pose, x);
     let distance = distance_to(collider, local);
-    // On thin plates the differences stay on the particle's side.
-    let near = clamp(0.5 * distance, LEAST_STEP * params.dx, NORMAL_STEP * params.dx);
-    let step = select(NORMAL_STEP * params.dx, near, distance > 0.0);
     return Face(c + 1u, collider.kind, collider.friction, distance,
-        surface_normal(collider, pose, local, step), arrival(c, x, later));
-}
-
-/// Share of the way from `start` to `end`, both in the collider's coordinates, at which a point from
-/// outside comes within `least` of the collider; 2 if it does not.
-fn meets(collider: Collider, start: vec3<f32>, end: vec3<f32>, least: f32) -> f32 {
-    let way = end - start;
-    let size = length(way);
-    let first = distance_to(collider, start);
-    if (size == 0.0 || first < 0.0 || first - size > least + collider.slack) {
-        return 2.0;
-    }
-    let trust = select(1.0, 0.5, collider.slack > 0.0);
-    var gone = 0.0;
-    var before = first;
-    for (var i = 0u; i < MOST_STEPS && gone < size; i++) {
-        let step = max(max(trust * before - 0.5 * least, 0.5 * before), 1e-3 * least);
-        let next = min(gone + step, size);
-        let here = distance_to(collider, start + (next / size) * way);
-        if (here < least && here < before) {
-            // Where a sheet fills a cell, distances jump.
-            return select(next, gone, before < least || here < 0.0) / size;
-        }
-        gone = next;
-        before = here;
-    }
-    return select(2.0, gone / size, gone < size);
+        surface_normal(collider, pose, local, normal_step(distance)), arrival(c, x, later));
 }
 
 /// What faces do to a particle: where it ends, and what they add to its velocity (m/s).
@@ -176,13 +140,7 @@ fn followed(touch_in: Touch, body: Body, start: vec3<f32>, moved: vec3<f32>, dt:
     if (after.linear.w == 0.0) {
         return untouched(body);
     }
-    let s = touch.stretch + (moved - dt * surface_velocity(before, start));
-    touch.stretch = s;
-    // What stands still keeps every bit.
-    if (any(before.angular.xyz != vec3<f32>(0.0))) {
-        let local = vec3<f32>(dot(before.r0.xyz, s), dot(before.r1.xyz, s), dot(before.r2.xyz, s));
-        touch.stretch = local.x * after.r0.xyz + local.y * after.r1.xyz + local.z * after.r2.xyz;
-    }
+    touch.stretch = turned_along(before, after, touch.stretch + (moved - dt * surface_velocity(before, start)));
     return touch;
 }
 

@@ -72,7 +72,8 @@ fn meet_colliders(rule: ptr<function, Rule>, at: u32, x: vec3<f32>, falling: vec
     for (var c = 0u; c < params.colliders; c++) {
         let collider = colliders[c];
         let pose = poses[c];
-        if (pose.linear.w == 0.0) {
+        // What acts on particles leaves nodes alone.
+        if (pose.linear.w == 0.0 || collider.touches != 0u) {
             continue;
         }
         let local = to_local(pose, x);

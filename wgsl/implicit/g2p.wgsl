@@ -4,7 +4,8 @@
 // hold the step's start.
 // One workgroup a block, one lane a particle at a time.
 //
-// uses implicit/cells, implicit/particle, implicit/plastic, implicit/tile
+// uses implicit/cells, implicit/particle, implicit/plastic, implicit/tile, implicit/put
+// uses implicit/contact/memory
 
 @compute @workgroup_size(LANES)
 fn main(
@@ -83,23 +84,9 @@ fn advance(slot: u32, p: u32) {
     }
     atomicMax(&report.max_shift, bitcast<u32>(farthest));
     atomicMax(&report.max_speed, bitcast<u32>(length(v)));
-    let moved = y + shift;
-    let corner = block_coordinates(position[p].w);
-    let x = vec3<f32>(4 * corner - params.pad) + moved + SHIFT;
-    let outside = (x < vec3<f32>(-1.0)) | (x > params.cells + 1.0);
-    if (any(outside & (params.periodic == vec3<u32>(0u)))) {
-        fail(ERROR_DOMAIN, id);
+    if (!put(p, id, y + shift)) {
         return;
     }
-    let step = vec3<i32>(floor(moved * 0.25));
-    let block = block_index(corner + step);
-    if (block < 0) {
-        fail(ERROR_DOMAIN, id);
-        return;
-    }
-    // Just below a block's edge the offset can round up to 4.
-    let local = min(moved - 4.0 * vec3<f32>(step), vec3<f32>(3.9999998));
-    position_in[p] = vec4<u32>(bitcast<vec3<u32>>(local), u32(block));
     tag_in[p] = tag[p];
     for (var r = 0u; r < 3u; r++) {
         state_in[r * params.room + p] = v[r];
@@ -110,5 +97,9 @@ fn advance(slot: u32, p: u32) {
     }
     if (has_plastic_state(model)) {
         state_in[21u * params.room + p] = next.q;
+    }
+    // Those near faces are settled afterwards.
+    if (params.touch != 0u) {
+        remember(p, untouched(bodies[tag[p].y]));
     }
 }

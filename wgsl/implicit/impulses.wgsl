@@ -1,11 +1,11 @@
 // What surfaces give the nodes that they constrain, at Δv: ∇E before projection and without
-// friction, m (Δv - dt g) + dt Σ V0 P Fⁿᵀ g_i, shared out as in Boundary::reactions of
+// friction, m (Δv - dt g) + dt Σ V0 P Fⁿᵀ g_i - dt Σ w f, shared out as in Boundary::reactions of
 // src/engine/implicit/physics/boundary.rs; and the strength µ J of their friction
 // (Boundary::drags).
-// In: `push` at Δv. Out: `touches.impulse`, and sums for `weigh`. One workgroup a block and grid,
+// In: `push` and `press` at Δv. Out: `touches.impulse`, and sums for `weigh`. One workgroup a block and grid,
 // one lane a node, which gathers in the order of the particles.
 //
-// uses implicit/cells, implicit/particle, implicit/shape, implicit/pressure
+// uses implicit/cells, implicit/particle, implicit/shape, implicit/pressure, implicit/contact/pressed
 
 @compute @workgroup_size(LANES)
 fn main(
@@ -47,6 +47,9 @@ fn given_to(k: u32, at: u32, lane: u32) -> vec3<f32> {
         for (var p = from_.first; p < from_.end; p++) {
             force += push_of(p) * shape(offset_of(p), n - from_.corner, grid).g;
         }
+    }
+    if (params.links > 0u) {
+        force -= params.dt * pressed(n, grid);
     }
     let row = row_of[at];
     var change = moving[at].xyz - node[at].xyz;

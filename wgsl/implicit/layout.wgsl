@@ -28,6 +28,10 @@ struct Params {
     mass_floor: f32,         // nodes lighter than this (kg) fall freely, without forces
     tangent: u32,            // derivative that the matrix is made of: TRIAL, TURNED or FLOWING
     flowing: u32,            // 1 if plastic laws flow within the step
+    touch: u32,              // first channel of what particles remember of contact; 0: no collider acts on them
+    links: u32,              // particles and faces near them
+    link_room: u32,          // room for such: the stride of `press`
+    mass_unit: f32,          // units of a sum of masses a kg
     spare0: u32,
     spare1: u32,
     walls: array<vec4<f32>, 6>, // x-, x+, y-, y+, z-, z+: contact kind, friction, unused, unused
@@ -44,9 +48,14 @@ struct Report {
     released: u32,               // 1 if nodes were let go
     rubbing: u32,                // 1 if nodes have friction
     most_strain: atomic<u32>,    // largest strain that `reach` has seen, f32 bits
+    links: u32,                  // particles and faces near them
     spare0: u32,
     spare1: u32,
 }
+
+// A particle and a face near it. body: of the particle; grip: APART, HOLDS or SLIDES
+// (implicit/contact/springs); limit: of friction (N).
+struct Link { particle: u32, collider: u32, body: u32, grip: u32, limit: f32 }
 
 // Which velocity a collider has in the step: v = rows · (x - center, 1), so that x + dt v is where
 // the turning surface takes x.
@@ -67,7 +76,7 @@ struct Touch { normal: vec4<f32>, velocity: vec4<f32>, arm: vec4<f32>, impulse: 
 @group(0) @binding(8) var<storage, read_write> keys: array<vec2<u32>>; // unsorted place -> cell, rank in it
 @group(0) @binding(9) var<storage, read_write> position_in: array<vec4<u32>>; // offset in block (f32 bits), block
 @group(0) @binding(10) var<storage, read_write> tag_in: array<vec2<u32>>; // id, body
-@group(0) @binding(11) var<storage, read_write> state_in: array<f32>; // channel-major: v, B/dx, F, plastic state
+@group(0) @binding(11) var<storage, read_write> state_in: array<f32>; // channel-major: v, B/dx, F, plastic state, contact
 @group(0) @binding(12) var<storage, read_write> position: array<vec4<u32>>;
 @group(0) @binding(13) var<storage, read_write> tag: array<vec2<u32>>;
 @group(0) @binding(14) var<storage, read_write> state: array<f32>;
@@ -87,7 +96,7 @@ struct Touch { normal: vec4<f32>, velocity: vec4<f32>, arm: vec4<f32>, impulse: 
 @group(0) @binding(28) var<storage, read> sdf_ops: array<SdfOp>;
 @group(0) @binding(29) var<storage, read> sdf_samples: array<f32>;
 @group(0) @binding(30) var<storage, read> colliders: array<Collider>;
-@group(0) @binding(31) var<storage, read> poses: array<Pose>; // at the step's start
+@group(0) @binding(31) var<storage, read> poses: array<Pose>; // at the step's start, then after it
 @group(0) @binding(32) var<storage, read> sweeps: array<Sweep>;
 @group(0) @binding(33) var<storage, read_write> ids: array<vec4<i32>>; // from here on: `System`
 @group(0) @binding(34) var<storage, read_write> columns: array<u32>;
@@ -105,6 +114,11 @@ struct Touch { normal: vec4<f32>, velocity: vec4<f32>, arm: vec4<f32>, impulse: 
 @group(0) @binding(46) var<storage, read_write> presses: array<vec4<f32>>; // block and grid: push, pull (N s), friction
 @group(0) @binding(47) var<storage, read_write> anchors: array<f32>;
 @group(0) @binding(48) var<storage, read_write> speeds: array<f32>;
+@group(0) @binding(60) var<storage, read_write> faces: array<u32>; // that are near a particle
+@group(0) @binding(61) var<storage, read_write> link_starts: array<u32>; // first link of a particle, and one more
+@group(0) @binding(62) var<storage, read_write> links: array<Link>; // by particle, then by collider
+@group(0) @binding(63) var<storage, read_write> press: array<f32>; // channel-major by link: force or impulse, stiffness
+@group(0) @binding(64) var<storage, read_write> holding: array<atomic<u32>>; // see HOLDING_*
 
 const LANES = 64u;
 const NO_NODE = 0xffffffffu;
@@ -126,6 +140,15 @@ const NOWHERE = 4.0;
 const TRIAL = 0u;
 const TURNED = 1u;
 const FLOWING = 2u;
+// Entries of `holding`: whether limits of friction have changed, and grips; mass of the nodes that are
+// solved for; from the last on, springs that hold or press by body.
+const HOLDING_LIMITS = 0u;
+const HOLDING_GRIPS = 1u;
+const HOLDING_MASS = 2u;
+const HOLDING_BODIES = 3u;
+
+/// In linear.w of a pose: the collider is there, and was not when particles last met faces.
+const APPEARS = 2.0;
 
 const ERROR_NAN = 1u;
 const ERROR_DOMAIN = 4u;

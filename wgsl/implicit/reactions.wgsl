@@ -1,8 +1,9 @@
 // Adds up what surfaces took. Out: force and moment by block and surface (`reactions`, six values),
 // which the host adds up.
-// One workgroup a block, one lane a surface, which goes through the block's nodes in order.
+// One workgroup a block, one lane a surface, which goes through the block's nodes in order, and then
+// through the particles near faces and what these took of them (`press`).
 //
-// uses implicit/layout, shared/kernel_*
+// uses implicit/cells, implicit/contact/place, implicit/contact/links
 
 const NODES_A_BLOCK = 64u * GRIDS;
 
@@ -28,6 +29,16 @@ fn main(
                     let taken = -GRID_SHARE * touch.impulse.xyz;
                     force += taken;
                     moment += cross(touch.arm.xyz, taken);
+                }
+            }
+        }
+        if (params.links > 0u) {
+            let end = link_starts[starts[(slot + 1u) * IN_BLOCK]];
+            for (var l = link_starts[starts[slot * IN_BLOCK]]; l < end; l++) {
+                let c = links[l].collider;
+                if (6u + c == surface) {
+                    force += force_of(l);
+                    moment += cross(start_of(links[l].particle) - pose_at(c, 0u).center.xyz, force_of(l));
                 }
             }
         }

@@ -69,7 +69,7 @@ pub struct DeviceState {
     pub position: Vec<[u32; 4]>,
     pub velocity: Vec<f32>,
     pub deformation: Vec<f32>,
-    /// Empty where colliders act on nodes.
+    /// Of those that know something of contact: the first ones, or none.
     pub touches: Vec<u32>,
 }
 
@@ -139,17 +139,17 @@ impl DeviceLayout {
     /// States by id; plates tell the layers of particles near them. Errors: [`EngineError::LeftDomain`] for a particle
     /// outside the block table.
     pub fn state(&self, particles: &Particles, plates: &Plates) -> Result<DeviceState, EngineError> {
-        let n = particles.len();
+        let (n, known) = (particles.len(), particles.touch.len());
         let mut state = DeviceState {
             position: Vec::with_capacity(n),
             velocity: vec![0.0; 12 * n],
             deformation: vec![0.0; self.channels * n],
-            touches: vec![0; TOUCH_CHANNELS * particles.touch.len()],
+            touches: vec![0; TOUCH_CHANNELS * known],
         };
         for (id, touch) in particles.touch.iter().enumerate() {
             state.touches[id] = touch.with;
             for (k, value) in (1..).zip([touch.radius].iter().chain(&touch.stretch)) {
-                state.touches[k * n + id] = (*value as f32).to_bits();
+                state.touches[k * known + id] = (*value as f32).to_bits();
             }
         }
         for id in 0..n {

@@ -1,7 +1,7 @@
 //! Device memory of an implicit simulation beside its [`System`]: every size in one place.
 
 use super::interface::{System, slots};
-use super::layout::{Params, Report, Sweep, Touch};
+use super::layout::{HOLDING_BODIES, Link, PRESS_CHANNELS, Params, Report, Sweep, Touch};
 use super::stages::Extent;
 use crate::explicit::gpu::scene::SceneSizes;
 use crate::gpu::memory::{Memory, Sizes, storage, uniform};
@@ -21,13 +21,18 @@ pub struct Counts {
     pub kernel: Kernel,
     /// All that there will be.
     pub particles: usize,
-    /// Channels of a particle's state: v, B, F and, if any law has one, the plastic state.
+    /// Channels of a particle's state: v, B, F and, if any law has one, the plastic state; what it
+    /// remembers of contact.
     pub channels: usize,
     /// Blocks of the dense table.
     pub table: usize,
     /// Slots for blocks that particles touch.
     pub capacity: usize,
     pub bodies: usize,
+    /// Whether colliders act on particles.
+    pub touches: bool,
+    /// Room for particles and faces near them.
+    pub links: usize,
     pub scene: SceneSizes,
 }
 
@@ -45,7 +50,8 @@ impl Counts {
     pub fn sizes(&self) -> Sizes {
         let (n, blocks) = (self.particles, self.capacity);
         let nodes = blocks * self.grids() * 64;
-        let scanned = self.table.max(nodes).max(blocks * self.cells());
+        let near = if self.touches { n } else { 0 };
+        let scanned = self.table.max(nodes).max(blocks * self.cells()).max(near);
         let mut buffers = vec![
             uniform("params", size_of::<Params>()),
             storage("report", size_of::<Report>()),
@@ -72,12 +78,17 @@ impl Counts {
             storage("predicted", n * 36),
             storage("push", n * 36),
             storage("tensor", n * 180),
-            storage("partials", blocks * (1 + self.grids()) * 8),
+            storage("partials", (blocks * (1 + self.grids()) + self.links.div_ceil(LANES)) * 8),
             storage("characteristic", self.bodies * 4),
-            self.scene.poses(1),
+            self.scene.poses(2),
             storage("sweeps", self.scene.colliders.max(1) * size_of::<Sweep>()),
             storage("touches", 3 * nodes * size_of::<Touch>()),
             storage("presses", blocks * self.grids() * 16),
+            storage("faces", near * 4),
+            storage("link_starts", (near + 1) * 4),
+            storage("links", self.links.max(1) * size_of::<Link>()),
+            storage("press", self.links * PRESS_CHANNELS * 4),
+            storage("holding", (HOLDING_BODIES + self.bodies) * 4),
             storage("reactions", blocks * self.scene.reaction_sums() * 4),
         ];
         buffers.extend(self.scene.buffers);
@@ -98,6 +109,8 @@ pub struct Buffers {
     pub live: usize,
     /// Blocks that particles touch in this step.
     pub blocks: usize,
+    /// Particles and faces near them in this step.
+    pub links: usize,
 }
 
 impl Buffers {
@@ -114,11 +127,19 @@ impl Buffers {
             Extent::Blocks => self.blocks,
             Extent::Grids => self.blocks * self.counts.grids(),
             Extent::Rows => rows as usize,
+            Extent::Links => self.links.div_ceil(LANES),
+            Extent::LinkedGrids => self.linked(self.blocks * self.counts.grids()),
+            Extent::LinkedRows => self.linked(rows as usize),
             Extent::Neighbours => {
                 return Workgroups::Grid([rows.div_ceil(LANES as u32), slots(self.counts.kernel)]);
             }
             Extent::Parts(name) => entries(name).div_ceil(PART),
             Extent::Entries(name) => (entries(name) + 1).div_ceil(ENTRIES),
         })
+    }
+
+    /// So many, or none where no particle is near a face.
+    fn linked(&self, groups: usize) -> usize {
+        if self.links == 0 { 0 } else { groups }
     }
 }

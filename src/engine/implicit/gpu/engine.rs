@@ -31,8 +31,8 @@ pub fn supports(setup: &Setup) -> Result<(), String> {
     if setup.implicit.coarse_solve != CoarseSolve::Fixed {
         return Err("the GPU engine has the coarse solve fixed".into());
     }
-    if touch::acts(setup) {
-        return Err("the GPU's implicit engine has colliders act on nodes only (\"contact\": \"nodes\")".into());
+    if touch::acts(setup) && setup.implicit.method != Method::Newton {
+        return Err("on the GPU, colliders act on particles with the method newton only".into());
     }
     if setup.materials.iter().any(|material| material.is_fluid()) {
         return Err("fluids are integrated explicitly".into());

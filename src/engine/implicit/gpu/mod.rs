@@ -2,6 +2,7 @@
 //! are gathered, never scattered, in an order that does not depend on scheduling.
 
 mod buffers;
+mod contact;
 mod engine;
 pub mod interface;
 pub mod layout;
@@ -13,5 +14,5 @@ mod step;
 
 pub use engine::supports;
 pub use layout::Tangent;
-pub use readback::{NodeReading, ParticleReading, SortReading, SystemReading};
+pub use readback::{LinkReading, NodeReading, ParticleReading, SortReading, SystemReading};
 pub use step::DeviceStep;

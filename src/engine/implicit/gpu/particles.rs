@@ -1,9 +1,11 @@
 //! Particle states to the device and back.
 
+use super::layout::{TOUCH_CHANNELS, UNMET};
 use super::step::DeviceStep;
 use crate::contract::EngineError;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::side::Plates;
+use gridfall_core::sim::touch::Touch;
 
 impl DeviceStep {
     /// Particles that there are.
@@ -19,11 +21,13 @@ impl DeviceStep {
         let tags: Vec<[u32; 2]> = (first as u32..).zip(&particles.body).map(|(id, &body)| [id, body]).collect();
         memory.write(&self.gpu, "position_in", first, &state.position);
         memory.write(&self.gpu, "tag_in", first, &tags);
-        let channels = [&state.velocity, &state.deformation].map(|values| values.chunks_exact(n.max(1)));
+        let touches = if self.buffers.counts.touches { touches(particles) } else { Vec::new() };
+        let channels = [&state.velocity, &state.deformation, &touches].map(|values| values.chunks_exact(n.max(1)));
         for (k, channel) in channels.into_iter().flatten().enumerate() {
             memory.write(&self.gpu, "state_in", k * room + first, channel);
         }
         self.layout.body_of.extend(&particles.body);
+        self.contact.total += particles.body.iter().map(|&b| self.setup.bodies[b as usize].mass).sum::<f64>();
         self.buffers.live = self.live();
         self.params.particles = self.live() as u32;
         self.gpu.check()
@@ -49,11 +53,40 @@ impl DeviceStep {
             }
         }
         let (velocity, deformation) = by_id.split_at(12 * n);
-        Ok(self.layout.particles(&position, velocity, deformation, n))
+        let mut particles = self.layout.particles(&position, velocity, deformation, n);
+        if self.buffers.counts.touches {
+            particles.touch = remembered(&by_id[self.params.touch as usize * n..], n);
+        }
+        Ok(particles)
     }
 
     /// Particle states at the start of the step that has begun.
     pub fn before(&self) -> Result<Particles, EngineError> {
         self.particles_of("position", "tag", "state")
     }
+}
+
+/// What particles remember of contact, by channel.
+fn touches(particles: &Particles) -> Vec<f32> {
+    let n = particles.len();
+    let mut channels = vec![0.0; TOUCH_CHANNELS * n];
+    channels[..n].fill(UNMET);
+    for (id, touch) in particles.touch.iter().enumerate() {
+        channels[id] = touch.with as f32;
+        for (k, value) in (1..).zip([touch.radius].iter().chain(&touch.stretch)) {
+            channels[k * n + id] = *value as f32;
+        }
+    }
+    channels
+}
+
+/// The same as particles have it: of those before the first that has met no faces yet.
+fn remembered(channels: &[f32], n: usize) -> Vec<Touch> {
+    let value = |k: usize, id: usize| f64::from(channels[k * n + id]);
+    let touch = |id: usize| Touch {
+        radius: value(1, id),
+        stretch: [2, 3, 4].map(|k| value(k, id)),
+        with: channels[id] as u32,
+    };
+    (0..n).take_while(|&id| channels[id] != UNMET).map(touch).collect()
 }

@@ -1,7 +1,7 @@
 //! Grid, system and objective as the device has them, for comparison with the CPU.
 
 use super::interface::{Evaluate, slots};
-use super::layout::Params;
+use super::layout::{Link, PRESS_CHANNELS, Params};
 use super::step::DeviceStep;
 use crate::contract::EngineError;
 use crate::implicit::solver::objective::{Freedom, NodeId};
@@ -34,6 +34,21 @@ pub struct SystemReading {
     pub columns: Vec<Vec<u32>>,
     /// By row and slot (kg).
     pub blocks: Vec<Vec<[[f64; 3]; 3]>>,
+    /// By row: the sum of its blocks (kg).
+    pub anchors: Vec<[[f64; 3]; 3]>,
+}
+
+/// A particle near a face.
+#[derive(Clone, Copy, Debug)]
+pub struct LinkReading {
+    pub id: u32,
+    pub collider: u32,
+    /// Of friction (N).
+    pub limit: f64,
+    /// N; after the step, what the face took (N s).
+    pub force: [f64; 3],
+    /// N/m.
+    pub stiffness: [[f64; 3]; 3],
 }
 
 /// Particles in some order.
@@ -128,6 +143,7 @@ impl DeviceStep {
         let scales: Vec<f32> = system.memory.read(&self.gpu, "scales", n)?;
         let columns: Vec<u32> = system.memory.read(&self.gpu, "columns", slots * stride)?;
         let values: Vec<f32> = system.memory.read(&self.gpu, "values", 9 * slots * stride)?;
+        let anchors: Vec<f32> = system.memory.read(&self.gpu, "anchors", 9 * stride)?;
         let freedom = |f: &[f32; 4]| {
             let direction = [f[0], f[1], f[2]].map(f64::from);
             match f[3] {
@@ -136,7 +152,7 @@ impl DeviceStep {
                 _ => Freedom::Line(direction),
             }
         };
-        let block = |row: usize, slot: usize| -> [[f64; 3]; 3] {
+        let entries = |values: &[f32], slot: usize, row: usize| -> [[f64; 3]; 3] {
             std::array::from_fn(|a| std::array::from_fn(|c| f64::from(values[(slot * 9 + 3 * a + c) * stride + row])))
         };
         Ok(SystemReading {
@@ -146,8 +162,31 @@ impl DeviceStep {
             scales: scales.iter().map(|&s| f64::from(s)).collect(),
             dv: self.vectors("dv")?,
             columns: (0..n).map(|row| (0..slots).map(|slot| columns[slot * stride + row]).collect()).collect(),
-            blocks: (0..n).map(|row| (0..slots).map(|slot| block(row, slot)).collect()).collect(),
+            blocks: (0..n).map(|row| (0..slots).map(|slot| entries(&values, slot, row)).collect()).collect(),
+            anchors: (0..n).map(|row| entries(&anchors, 0, row)).collect(),
         })
+    }
+
+    /// The particles near faces, with what these do to them as last evaluated.
+    pub fn links(&self) -> Result<Vec<LinkReading>, EngineError> {
+        let (n, room, memory) = (self.buffers.links, self.buffers.counts.links, &self.buffers.memory);
+        if n == 0 {
+            return Ok(Vec::new());
+        }
+        let links: Vec<Link> = memory.read(&self.gpu, "links", n)?;
+        let press: Vec<f32> = memory.read(&self.gpu, "press", PRESS_CHANNELS * room)?;
+        let tags: Vec<[u32; 2]> = memory.read(&self.gpu, "tag", self.buffers.live)?;
+        let reading = |(at, link): (usize, &Link)| {
+            let value = |channel: usize| f64::from(press[channel * room + at]);
+            LinkReading {
+                id: tags[link.particle as usize][0],
+                collider: link.collider,
+                limit: f64::from(link.limit),
+                force: [0, 1, 2].map(value),
+                stiffness: [[3, 4, 5], [4, 6, 7], [5, 7, 8]].map(|row| row.map(value)),
+            }
+        };
+        Ok(links.iter().enumerate().map(reading).collect())
     }
 
     fn vectors(&self, name: &str) -> Result<Vec<[f64; 3]>, EngineError> {

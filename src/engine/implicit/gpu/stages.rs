@@ -22,6 +22,11 @@ pub enum Extent {
     Grids,
     /// A workgroup a row of the system.
     Rows,
+    /// A lane a particle and face near it.
+    Links,
+    /// As `Grids` and `Rows`, if there is any of those.
+    LinkedGrids,
+    LinkedRows,
     /// A lane a row and slot for a neighbour.
     Neighbours,
     /// A workgroup a part of a buffer whose entries are added up.
@@ -39,9 +44,11 @@ pub enum Stage {
     Run(&'static str, Extent),
     /// The sums before each entry of a buffer, and of all, into another.
     Sums { of: &'static str, before: &'static str },
+    /// Parts of which there are none in scenes where no collider acts on particles.
+    Contact(&'static [Stage]),
 }
 
-use Stage::{Run, Sums};
+use Stage::{Contact, Run, Sums};
 
 /// Sorts the particles by block and cell, and gathers them on the nodes.
 pub const SORT: &[Stage] = &[
@@ -57,21 +64,44 @@ pub const SORT: &[Stage] = &[
 ];
 
 /// Decides what surfaces do, and numbers the nodes of the system.
-pub const BOUND: &[Stage] =
-    &[Run("implicit/boundary", Room), Sums { of: "row_of", before: "prefix" }, Run("implicit/rows", Room)];
+pub const BOUND: &[Stage] = &[
+    Run("implicit/boundary", Room),
+    Sums { of: "row_of", before: "prefix" },
+    Run("implicit/rows", Room),
+    Contact(&[
+        Run("implicit/contact/near", Particles),
+        Sums { of: "faces", before: "link_starts" },
+        Run("implicit/contact/link", Particles),
+    ]),
+];
 
 /// What a solve needs beside: deformations without Δv, and rows of neighbours.
-pub const BEGIN: &[Stage] = &[Run("implicit/predict", Blocks), Run("implicit/columns", Neighbours)];
+pub const BEGIN: &[Stage] = &[
+    Run("implicit/predict", Blocks),
+    Run("implicit/columns", Neighbours),
+    Contact(&[Run("implicit/contact/mass", Grids)]),
+];
 
 /// Another start than free fall.
 pub const REST: &[Stage] = &[Run("implicit/rest", Grids)];
 
 /// E and ∇E at a trial.
-pub const EVALUATE: &[Stage] =
-    &[Run("implicit/strain", Blocks), Run("implicit/gradient", Grids), Run("implicit/energy", One)];
+pub const EVALUATE: &[Stage] = &[
+    Run("implicit/strain", Blocks),
+    Run("implicit/gradient", Grids),
+    Contact(&[Run("implicit/contact/respond", Links), Run("implicit/contact/gradient", LinkedGrids)]),
+    Run("implicit/energy", One),
+];
 
-/// The matrix there.
-pub const HESSIAN: &[Stage] = &[Run("implicit/tensor", Blocks), Run("implicit/assemble", Rows)];
+/// The matrix there, for what the evaluation has left of contact.
+pub const HESSIAN: &[Stage] = &[
+    Run("implicit/tensor", Blocks),
+    Run("implicit/assemble", Rows),
+    Contact(&[Run("implicit/contact/matrix", LinkedRows)]),
+];
+
+/// Limits of friction, with `dv` in the place of the trial.
+pub const RENEW: &[Stage] = &[Contact(&[Run("implicit/contact/renew", Links)])];
 
 /// How much a direction strains what flows.
 pub const REACH: &[Stage] = &[Run("implicit/reach", Blocks)];
@@ -79,6 +109,7 @@ pub const REACH: &[Stage] = &[Run("implicit/reach", Blocks)];
 /// Surfaces that pull let go, friction joins.
 pub const REVISE: &[Stage] = &[
     Run("implicit/strain", Blocks),
+    Contact(&[Run("implicit/contact/respond", Links)]),
     Run("implicit/impulses", Grids),
     Run("implicit/weigh", One),
     Run("implicit/release", Grids),
@@ -87,10 +118,12 @@ pub const REVISE: &[Stage] = &[
 /// Velocities, reactions, particles.
 pub const FINISH: &[Stage] = &[
     Run("implicit/strain", Blocks),
+    Contact(&[Run("implicit/contact/respond", Links)]),
     Run("implicit/impulses", Grids),
     Run("implicit/finish", Grids),
-    Run("implicit/reactions", Blocks),
     Run("implicit/g2p", Blocks),
+    Contact(&[Run("implicit/contact/settle", Links)]),
+    Run("implicit/reactions", Blocks),
 ];
 
 const LISTS: [&[Stage]; 9] = [SORT, BOUND, BEGIN, REST, EVALUATE, HESSIAN, REACH, REVISE, FINISH];
@@ -102,11 +135,15 @@ fn sums(of: &'static str) -> [(&'static str, Extent); 3] {
 
 /// Names of all programs.
 pub fn programs() -> Vec<&'static str> {
-    let names = |stage: &Stage| match *stage {
+    LISTS.concat().iter().chain(RENEW).flat_map(names).collect()
+}
+
+fn names(stage: &Stage) -> Vec<&'static str> {
+    match *stage {
         Run(name, _) => vec![name],
         Sums { of, .. } => sums(of).map(|(name, _)| name).to_vec(),
-    };
-    LISTS.concat().iter().flat_map(names).collect()
+        Contact(stages) => stages.iter().flat_map(names).collect(),
+    }
 }
 
 /// The lists with a simulation's buffers.
@@ -118,29 +155,51 @@ pub struct Stages {
     pub evaluate: Dispatches<Extent>,
     pub hessian: Dispatches<Extent>,
     pub reach: Dispatches<Extent>,
+    pub renew: Dispatches<Extent>,
     pub revise: Dispatches<Extent>,
     pub finish: Dispatches<Extent>,
 }
 
 impl Stages {
-    pub fn new(tools: Tools, memory: &Memory, system: &System) -> Self {
-        let [sort, bound, begin, rest, evaluate, hessian, reach, revise, finish] =
-            LISTS.map(|list| dispatches(tools, list, memory, system));
-        Self { sort, bound, begin, rest, evaluate, hessian, reach, revise, finish }
+    /// `touches`: whether colliders act on particles.
+    pub fn new(tools: Tools, memory: &Memory, system: &System, touches: bool) -> Self {
+        let [sort, bound, begin, rest, evaluate, hessian, reach, revise, finish] = LISTS.map(|list| {
+            let scope = Scope::of(memory).and(&system.memory);
+            Lists { tools, memory, scope, touches }.dispatches(list)
+        });
+        let at_dv = Scope::default().with("trial", system.get("dv")).and(memory).and(&system.memory);
+        let renew = Lists { tools, memory, scope: at_dv, touches }.dispatches(RENEW);
+        Self { sort, bound, begin, rest, evaluate, hessian, reach, renew, revise, finish }
     }
 }
 
-fn dispatches(tools: Tools, list: &[Stage], memory: &Memory, system: &System) -> Dispatches<Extent> {
-    let all = Scope::of(memory).and(&system.memory);
-    let mut dispatches = Dispatches::default();
-    for stage in list {
-        match *stage {
-            Run(name, extent) => dispatches.push(Dispatch::new(tools, (name, extent), &all)),
-            Sums { of, before } => {
-                let scope = Scope::of(memory).with("entries", memory.get(of)).with("before", memory.get(before));
-                sums(of).into_iter().for_each(|stage| dispatches.push(Dispatch::new(tools, stage, &scope)));
+/// What lists are made with.
+struct Lists<'a> {
+    tools: Tools<'a>,
+    memory: &'a Memory,
+    scope: Scope<'a>,
+    touches: bool,
+}
+
+impl Lists<'_> {
+    fn dispatches(&self, list: &[Stage]) -> Dispatches<Extent> {
+        let mut dispatches = Dispatches::default();
+        self.add(list, &mut dispatches);
+        dispatches
+    }
+
+    fn add(&self, list: &[Stage], to: &mut Dispatches<Extent>) {
+        for stage in list {
+            match *stage {
+                Run(name, extent) => to.push(Dispatch::new(self.tools, (name, extent), &self.scope)),
+                Sums { of, before } => {
+                    let (entries, before) = (self.memory.get(of), self.memory.get(before));
+                    let scope = Scope::of(self.memory).with("entries", entries).with("before", before);
+                    sums(of).into_iter().for_each(|stage| to.push(Dispatch::new(self.tools, stage, &scope)));
+                }
+                Contact(stages) if self.touches => self.add(stages, to),
+                Contact(_) => {}
             }
         }
     }
-    dispatches
 }

@@ -4,23 +4,25 @@
 use std::sync::Arc;
 
 use super::buffers::{Buffers, Counts};
+use super::contact::Contact;
 use super::interface::{Evaluate, System};
-use super::layout::{Params, Report, Sweep, Tangent};
+use super::layout::{Params, Report, Sweep, TOUCH_CHANNELS, Tangent};
 use super::stages::{Extent, Stages};
 use crate::contract::EngineError;
-use crate::explicit::gpu::scene::{self, SceneData};
+use crate::explicit::gpu::scene::SceneData;
 use crate::explicit::gpu::upload::DeviceLayout;
 use crate::gpu::memory::Memory;
 use crate::gpu::program::{Dispatches, Programs, Tools};
 use crate::gpu::{Gpu, Variant};
 use crate::implicit::engine::Moved;
-use crate::implicit::solver::objective::reach_of;
+use crate::implicit::solver::objective::{Renewed, reach_of};
 use gridfall_core::material::Law;
 use gridfall_core::sim::collider::Collider;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::{Body, Material, Plasticity, Setup};
 use gridfall_core::sim::side::Plates;
+use gridfall_core::sim::touch;
 
 /// Nodes lighter than this share of a full one fall freely, without forces.
 const FREE_FALL_SHARE: f64 = 1e-12;
@@ -32,7 +34,7 @@ const FORBIDDEN: f64 = 1e38;
 pub struct DeviceStep {
     pub(super) gpu: Arc<Gpu>,
     programs: Programs,
-    stages: Stages,
+    pub(super) stages: Stages,
     pub(super) buffers: Buffers,
     pub(super) params: Params,
     pub(super) setup: Setup,
@@ -41,6 +43,7 @@ pub struct DeviceStep {
     separating: bool,
     /// Whether any material flows within the step.
     flows: bool,
+    pub(super) contact: Contact,
 }
 
 impl DeviceStep {
@@ -49,13 +52,17 @@ impl DeviceStep {
         let layout = DeviceLayout::new(setup);
         let state = layout.state(particles, &Plates::of(setup, 0.0))?;
         let scene = SceneData::new(setup);
+        let touches = touch::acts(setup);
+        let first_touch = if touches { 12 + layout.channels } else { 0 };
         let counts = Counts {
             kernel: setup.kernel,
             particles: setup.total_particles(),
-            channels: 12 + layout.channels,
+            channels: 12 + layout.channels + if touches { TOUCH_CHANNELS } else { 0 },
             table: layout.table_len(),
             capacity: layout.active_blocks(&state.position) + 16,
             bodies: setup.bodies.len(),
+            touches,
+            links: 0,
             scene: scene.sizes(),
         };
         let system = System::new(&gpu, setup.kernel, 256)?;
@@ -78,15 +85,18 @@ impl DeviceStep {
             colliders: shared.colliders,
             walls: shared.walls,
             room: counts.particles as u32,
+            touch: first_touch as u32,
             mass_floor: (FREE_FALL_SHARE * densest * setup.dx.powi(3)) as f32,
             flowing: u32::from(flowing),
             ..Params::default()
         };
         let programs = Programs::new(Variant::of(setup));
-        let stages = Stages::new(Tools { gpu: &gpu, programs: &programs }, &memory, &system);
-        let buffers = Buffers { counts, memory, system, live: 0, blocks: 0 };
-        let setup = setup.clone();
-        let mut stepper = Self { gpu, programs, stages, buffers, params, setup, layout, separating: false, flows };
+        let stages = Stages::new(Tools { gpu: &gpu, programs: &programs }, &memory, &system, touches);
+        let buffers = Buffers { counts, memory, system, live: 0, blocks: 0, links: 0 };
+        let (setup, contact) = (setup.clone(), Contact::default());
+        let separating = false;
+        let mut stepper =
+            Self { gpu, programs, stages, buffers, params, setup, layout, separating, flows, contact };
         stepper.append(particles)?;
         Ok(stepper)
     }
@@ -96,7 +106,7 @@ impl DeviceStep {
         &self.buffers.system
     }
 
-    fn memory(&self) -> &Memory {
+    pub(super) fn memory(&self) -> &Memory {
         &self.buffers.memory
     }
 
@@ -108,7 +118,7 @@ impl DeviceStep {
         Ok(self.memory().read::<Report>(&self.gpu, "report", 1)?[0])
     }
 
-    fn run(&self, pass: &mut wgpu::ComputePass, list: &Dispatches<Extent>) {
+    pub(super) fn run(&self, pass: &mut wgpu::ComputePass, list: &Dispatches<Extent>) {
         list.record_with(pass, |extent| self.buffers.groups(extent));
     }
 
@@ -130,23 +140,34 @@ impl DeviceStep {
     fn bound(&mut self, time_s: f64, dt: f64) {
         self.params.dt = dt as f32;
         self.params.stride = self.buffers.system.stride;
+        self.params.link_room = self.buffers.counts.links as u32;
+        self.params.mass_unit = self.mass_unit();
         self.write_params();
         let separating = std::mem::offset_of!(Report, separating) / size_of::<u32>();
         self.memory().write(&self.gpu, "report", separating, &[0u32]);
         let colliders = &self.setup.colliders;
         if !colliders.is_empty() {
-            let poses: Vec<_> = colliders.iter().map(|c| scene::pose(c, self.setup.origin, time_s, 0.0)).collect();
             let sweeps: Vec<_> = colliders.iter().map(|c| sweep(c, time_s, dt)).collect();
-            self.memory().write(&self.gpu, "poses", 0, &poses);
+            self.memory().write(&self.gpu, "poses", 0, &self.poses(time_s, dt));
             self.memory().write(&self.gpu, "sweeps", 0, &sweeps);
         }
+        self.gpu.submit(|encoder| encoder.clear_buffer(self.memory().get("holding"), 0, None));
         self.gpu.pass(|pass| self.run(pass, &self.stages.bound));
     }
 
     /// Finds the buffers anew, after some of them were made anew.
     fn rebind(&mut self) {
         let tools = Tools { gpu: &self.gpu, programs: &self.programs };
-        self.stages = Stages::new(tools, &self.buffers.memory, &self.buffers.system);
+        let touches = self.buffers.counts.touches;
+        self.stages = Stages::new(tools, &self.buffers.memory, &self.buffers.system, touches);
+    }
+
+    /// Makes room. Nothing that grows outlives a step.
+    fn grow(&mut self) -> Result<(), EngineError> {
+        let sizes = self.buffers.counts.sizes();
+        self.buffers.memory.grow(&self.gpu, &sizes, 0, &[])?;
+        self.rebind();
+        Ok(())
     }
 
     /// Starts a step of `dt` (s) from `time_s`: sorts the particles unless `again`, and leaves the
@@ -160,13 +181,14 @@ impl DeviceStep {
             self.bound(time_s, dt);
             let report = self.read_report()?;
             let (blocks, capacity) = (report.blocks as usize, self.buffers.counts.capacity);
+            let (links, link_room) = (report.links as usize, self.buffers.counts.links);
             if blocks > capacity {
                 self.buffers.counts.capacity = blocks * 5 / 4 + 16;
-                // Nothing that grows outlives a step.
-                let sizes = self.buffers.counts.sizes();
-                self.buffers.memory.grow(&self.gpu, &sizes, 0, &[])?;
-                self.rebind();
+                self.grow()?;
                 self.sort();
+            } else if links > link_room {
+                self.buffers.counts.links = links * 5 / 4 + 256;
+                self.grow()?;
             } else if report.rows > self.buffers.system.stride {
                 let room = report.rows + report.rows / 8;
                 self.buffers.system = System::new(&self.gpu, self.setup.kernel, room)?;
@@ -176,6 +198,8 @@ impl DeviceStep {
             }
         };
         self.buffers.blocks = report.blocks as usize;
+        self.buffers.links = report.links as usize;
+        self.params.links = report.links;
         self.separating = report.separating != 0;
         self.params.rows = report.rows;
         self.write_params();
@@ -187,7 +211,7 @@ impl DeviceStep {
             (system.lowest[a], system.extent[a]) = (-self.params.pad[a], table);
         }
         self.gpu.pass(|pass| self.run(pass, &self.stages.begin));
-        Ok(())
+        self.begin_contact(time_s, dt)
     }
 
     /// Which derivative the matrix is made of from the next submission on. A step begins with that at
@@ -251,7 +275,11 @@ impl DeviceStep {
             self.run(&mut encoder.begin_compute_pass(&Default::default()), &self.stages.revise);
         });
         let report = self.read_report()?;
-        Ok(report.released != 0 || report.rubbing != 0)
+        let revised = report.released != 0 || report.rubbing != 0;
+        if revised {
+            self.renew_contact()?;
+        }
+        Ok(revised)
     }
 
     /// Ends the step with `dv`: reactions, particles. The step can be taken back by beginning it
@@ -302,6 +330,14 @@ impl Evaluate for DeviceStep {
 
     fn reach(&self) -> Result<f64, EngineError> {
         Self::reach(self)
+    }
+
+    fn renew(&self) -> Result<Renewed, EngineError> {
+        self.renew_contact()
+    }
+
+    fn sharpness(&self) -> f64 {
+        self.contact_sharpness()
     }
 
     fn fall_m_s(&self) -> f64 {
