@@ -24,9 +24,9 @@ const LEAST_SUM = 1e-6;
 /// What a forbidden state costs (J/m³): sums of it are infinite or beyond any energy of a body.
 const FORBIDDEN = 3e38;
 
-/// F = U Σ Vᵀ with the stretches near 1 rounded once: those of `svd3` are off by up to ten roundings, each of which
-/// is a stress of the modulus times that. A column v of V has σ² - 1 = v·(FᵀF - I) v/|v|², and an error of its angle
-/// does not matter.
+/// F = U Σ Vᵀ with stretches near 1 that are rounded once. Those of `svd3` are off by several
+/// roundings, each of which is a stress of 1e-7 of the modulus. A column v of V has σ² - 1 =
+/// v·(FᵀF - I) v/|v|², where an error of its angle does not matter.
 fn fine_svd(F: mat3x3<f32>) -> Svd {
     var s = svd3(F);
     let Cv = (transpose(F) * F - diagonal(vec3<f32>(1.0))) * s.v;
