@@ -38,11 +38,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 ";
 
-/// Errors of strains that F in f32 and its decomposition make: P is off by this much of the modulus.
-const ROUNDING: f64 = 1e-6;
-/// Largest difference of P over the stiffness; snow's hardening makes ten times more of a rounding of J_p. And of
-/// dP, where two strains differ by so little that their quotient has lost digits.
-const TOLERANCE: [f64; 2] = [4e-6, 2e-4];
+/// A few roundings of F and of its decomposition.
+const ROUNDING: f64 = 3e-7;
+/// Largest differences over the stiffness: of P, which at strains that bodies have is [`FINE`], and of dP, in which
+/// quotients of strains that differ by little have lost digits.
+const TOLERANCE: [f64; 2] = [4e-6, 1e-4];
+const FINE: f64 = 5e-7;
 
 struct Answer {
     energy: f64,
@@ -73,7 +74,7 @@ fn size(m: &Matrix<f64, 3>) -> f64 {
 }
 
 /// What a material's states show.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Default)]
 struct Found {
     /// Largest differences of P, and of dP over the stiffness without states at a kink.
     worst: [f64; 2],
@@ -82,6 +83,13 @@ struct Found {
     states: usize,
     flown: usize,
     kinks: usize,
+}
+
+impl std::fmt::Debug for Found {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { worst: [pk1, dp], states, flown, kinks } = self;
+        write!(f, "P {pk1:.1e}, dP {dp:.1e}, {flown} of {states} flow, {kinks} beside kinks")
+    }
 }
 
 impl Found {
@@ -165,16 +173,13 @@ fn stresses_and_tangents_of_flow_agree_with_the_cpus() {
     println!("seed {seed}");
     let (gpu, rng) = (test_gpu(), &mut StdRng::seed_from_u64(seed));
     let materials = plastic_laws();
-    // At strains below 1e-4 most tangents are beside kinks, or quotients of strains that differ by roundings.
-    for (strain, smooth) in
-        [(1e-6, false), (1e-5, false), (1e-4, true), (1e-3, true), (0.01, true), (0.05, true), (0.2, true)]
-    {
+    for strain in [1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.05, 0.2] {
         let states = states_of(rng, &materials, strain, 500);
         let answers = ask(&gpu, &materials, &states);
         for (material, found) in materials.iter().zip(compare(&materials, &states, &answers)) {
-            println!("strain {strain:.0e}: {found:.1e?} {material:?}");
-            let agrees = if smooth { found.agrees() } else { found.worst[0] <= TOLERANCE[0] };
-            assert!(agrees && 5 * found.kinks < 2 * found.states, "{found:?} for {material:?}");
+            println!("strain {strain:.0e}: {found:?} {material:?}");
+            let fine = strain > 0.05 || found.worst[0] <= FINE;
+            assert!(found.agrees() && fine && 4 * found.kinks < found.states, "{found:?} for {material:?}");
         }
     }
     // Planted: every parameter that matters to a step, off by three thousandths, must show.
@@ -232,7 +237,7 @@ fn trial_states_of_every_kind_agree() {
     }
     let answers = ask(&test_gpu(), &materials, &states);
     for (material, found) in materials.iter().zip(compare(&materials, &states, &answers)) {
-        println!("{found:.1e?} {material:?}");
+        println!("{found:?} {material:?}");
         assert!(found.agrees() && found.flown > 200, "{found:?} for {material:?}");
     }
 }
