@@ -25,7 +25,8 @@ const METAL_AND_SAND: [&str; 3] = [
 const SOIL_CLAY_AND_SNOW: [&str; 3] = [
     r#"{ "model": "mohr-coulomb", "density": 1000, "youngs_modulus": 1e5, "poissons_ratio": 0.3,
         "friction_angle_degrees": 30, "cohesion": 1000, "dilatancy_angle_degrees": 10 }"#,
-    r#"{ "model": "nacc", "density": 1500, "youngs_modulus": 1e5, "poissons_ratio": 0.3, "alpha0": -0.03 }"#,
+    r#"{ "model": "nacc", "density": 1500, "youngs_modulus": 1e5, "poissons_ratio": 0.3,
+        "M": 2.36, "beta": 0.5, "xi": 3, "alpha0": -0.03 }"#,
     r#"{ "model": "snow", "density": 400, "youngs_modulus": 1e5, "poissons_ratio": 0.2 }"#,
 ];
 
@@ -133,7 +134,7 @@ fn planted_errors_of_flow_are_caught() {
     ];
     let soil: [(&str, Plant); 6] = [
         ("friction", &parameter("friction_angle_degrees", 1.003)),
-        ("slope of the clay's surface", &parameter("m", 1.003)),
+        ("slope of the clay's surface", &parameter("M", 1.003)),
         ("tension of the clay", &parameter("beta", 1.003)),
         ("hardening", &parameter("xi", 1.003)),
         ("hardening of the snow", &parameter("hardening", 1.003)),

@@ -24,6 +24,20 @@ const LEAST_SUM = 1e-6;
 /// What a forbidden state costs (J/m³): sums of it are infinite or beyond any energy of a body.
 const FORBIDDEN = 3e38;
 
+/// F = U Σ Vᵀ with stretches near 1 that are rounded once. Those of `svd3` are off by several
+/// roundings, each of which is a stress of 1e-7 of the modulus. A column v of V has σ² - 1 =
+/// v·(FᵀF - I) v/|v|², where an error of its angle does not matter.
+fn fine_svd(F: mat3x3<f32>) -> Svd {
+    var s = svd3(F);
+    let Cv = (transpose(F) * F - diagonal(vec3<f32>(1.0))) * s.v;
+    let squares = vec3<f32>(dot(s.v[0], Cv[0]), dot(s.v[1], Cv[1]), dot(s.v[2], Cv[2]))
+        / vec3<f32>(dot(s.v[0], s.v[0]), dot(s.v[1], s.v[1]), dot(s.v[2], s.v[2]));
+    let error = squares - (s.sigma - 1.0) * (s.sigma + 1.0);
+    let is_near = abs(s.sigma - 1.0) < vec3<f32>(0.5);
+    s.sigma += select(vec3<f32>(0.0), error / (2.0 * select(vec3<f32>(1.0), s.sigma, is_near)), is_near);
+    return s;
+}
+
 /// e^x - 1 - x.
 fn exp_excess(x: vec3<f32>) -> vec3<f32> {
     let tail = 1.0 / 120.0 + x * (1.0 / 720.0 + x * (1.0 / 5040.0 + x * (1.0 / 40320.0)));
@@ -138,7 +152,7 @@ fn elastic_energy_pk1(material: Material, F: mat3x3<f32>, plastic: f32, P: ptr<f
     if (material.model == NEO_HOOKEAN) {
         return neo_hookean_energy_pk1(F, vec2<f32>(material.a, material.b), P);
     }
-    let s = svd3(F);
+    let s = fine_svd(F);
     var slope: vec3<f32>;
     var tau: vec3<f32>;
     let energy = strain_energy(extended_strain(s.sigma, &slope), material, &tau);

@@ -101,7 +101,7 @@ fn energy_pk1(material: Material, F: mat3x3<f32>, plastic: f32, flowing: bool, P
     if (!(flowing && is_plastic(material.model))) {
         return elastic_energy_pk1(material, F, plastic, P);
     }
-    let s = svd3(F);
+    let s = fine_svd(F);
     let flow = flow_of(material, s.sigma, plastic);
     var gradient = flow.tau * flow.slope;
     let share = flowing_share(material.model, s.sigma);

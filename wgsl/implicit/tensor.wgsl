@@ -13,7 +13,7 @@ fn decomposed(end: mat3x3<f32>, start: mat3x3<f32>, is_turned: bool) -> Svd {
     if (is_turned) {
         F = start;
     }
-    var s = svd3(F);
+    var s = fine_svd(F);
     if (is_turned) {
         s.u = polar_rotation(end) * s.v;
     }

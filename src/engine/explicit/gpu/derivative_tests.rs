@@ -25,7 +25,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let state = load_deformation(i, m.model);
     var P: mat3x3<f32>;
     frame_velocity[9u * n + i] = elastic_energy_pk1(m, state.F, state.q, &P);
-    let s = svd3(state.F);
+    let s = fine_svd(state.F);
     var dF: mat3x3<f32>;
     dF[i % 3u][(i / 3u) % 3u] = 1.0;
     let dP = projected_times(projected(s, elastic_slopes(m, s.sigma, state.q)), dF);
