@@ -1,8 +1,8 @@
 //! Contact at the particles in implicit steps on the GPU does what it does on the CPU, stage by stage on random
 //! states; planted errors are caught.
 //!
-//! Reference: `implicit` in f64. Forces in those of a spring that is a hundredth of a spacing longer, stiffness in
-//! springs.
+//! Reference: `implicit` in f64. Forces in themselves and that of a spring which is a hundredth of a spacing longer,
+//! stiffness in springs, velocities in that of the fastest body.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,10 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::common;
-use crate::implicit::{DT_S, Differences, Reference, TIME_S, agrees, compare_system, distance, larger, norm, put};
+use crate::implicit::{DT_S, Differences, Reference, TIME_S, compare_system, distance, larger, norm, put};
+
+/// Of the body that meets a plate (m/s).
+const SPEED: f64 = 8.0;
 
 /// Bodies at faces of all kinds, which stand, move and turn: a rough floor that sinks into a body, a thin plate that a
 /// fast body meets, a rough sphere, a slippery lid, a sticky bar; a grip and walls beside them. One face goes, one comes.
@@ -69,7 +72,7 @@ fn scene(kernel: &str, transfer: &str, seed: u64) -> Problem {
     let rng = &mut ChaCha8Rng::seed_from_u64(seed);
     common::randomise(&mut problem, rng);
     for id in problem.setup.bodies[2].particles.clone() {
-        problem.particles.v[id][2] -= 8.0;
+        problem.particles.v[id][2] -= SPEED;
     }
     touch::begin(&problem.setup, &mut problem.particles, 0.0);
     let p = &mut problem.particles;
@@ -137,7 +140,7 @@ fn compare_responses(
             (None, None) => {}
             (Some(found), Some(response)) => {
                 let Springs { stiffness: k, spacing, .. } = springs(cpu.problem, id as usize);
-                larger(&mut force, distance(&found.0, &response.0) / (0.01 * k * spacing));
+                larger(&mut force, distance(&found.0, &response.0) / (norm(&response.0) + 0.01 * k * spacing));
                 (0..3).for_each(|a| larger(&mut stiffness, distance(&found.1[a], &response.1[a]) / k));
             }
             _ => near += 1.0,
@@ -167,7 +170,7 @@ fn compare_end(stepper: &mut DeviceStep, cpu: &Reference, limits: &[f64], dv: &N
     let [mut x, mut v] = [0.0; 2];
     for id in 0..after.len() {
         larger(&mut x, distance(&gpu.x[id], &after.x[id]) / problem.setup.dx);
-        larger(&mut v, distance(&gpu.v[id], &after.v[id]));
+        larger(&mut v, distance(&gpu.v[id], &after.v[id]) / SPEED);
     }
     let mut found = vec![("x", x), ("v", v)];
     found.extend(compare_touches(&gpu.touch, &after.touch, problem));
@@ -227,6 +230,22 @@ fn step(gpu: &Problem, cpu: &Problem, seed: u64) -> Differences {
     found
 }
 
+/// What depends on normals: near a face they are differences over dx/256 in f32, and off by 1e-4. The stiffness across
+/// what slides turns with a stretch that may be short.
+const NORMALS: [(&str, f64); 6] = [
+    ("force", 1e-4),
+    ("stiffness", 5e-4),
+    ("v", 1e-4),
+    ("stretch", 5e-5),
+    ("stretch then", 5e-5),
+    ("sums of rows", 5e-5),
+];
+
+fn agrees(differences: &Differences) -> bool {
+    let tolerance = |name: &str| NORMALS.iter().find(|(known, _)| *known == name).map_or(2e-5, |known| known.1);
+    differences.iter().all(|(name, difference)| *difference <= tolerance(name))
+}
+
 #[test]
 fn stages_agree_on_random_states() {
     let cases = [("quadratic", "mls"), ("quadratic", "apic"), ("compact", "mls"), ("compact", "apic")];
@@ -240,6 +259,7 @@ fn stages_agree_on_random_states() {
 #[test]
 fn planted_errors_are_caught() {
     let problem = scene("compact", "mls", 73);
+    assert!(agrees(&step(&problem, &problem, 73)));
     type Plant<'a> = &'a dyn Fn(&mut Problem);
     let planted: [(&str, Plant); 6] = [
         ("springs a hundredth of a cell longer", &|p| {

@@ -38,7 +38,7 @@ fn main(
                 let c = links[l].collider;
                 if (6u + c == surface) {
                     force += force_of(l);
-                    moment += cross(start_of(links[l].particle) - pose_at(c, 0u).center.xyz, force_of(l));
+                    moment += cross(start_of(links[l].particle).x - pose_at(c, 0u).center.xyz, force_of(l));
                 }
             }
         }

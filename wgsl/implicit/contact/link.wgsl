@@ -28,7 +28,7 @@ fn main(
         return;
     }
     var at = link_starts[p];
-    let x = start_of(p);
+    let x = start_of(p).x;
     let memory = memory_of(p);
     for (var c = 0u; c < params.colliders; c++) {
         if (at < end && is_near(c, x, memory.holds)) {

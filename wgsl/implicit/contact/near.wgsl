@@ -30,7 +30,7 @@ fn main(
     }
     let at = params.touch * params.room + p;
     let body = bodies[tag[p].y];
-    let x = start_of(p);
+    let x = start_of(p).x;
     let is_new = state[at] == UNMET;
     var memory = memory_of(p);
     if (is_new) {

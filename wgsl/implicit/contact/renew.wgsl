@@ -20,8 +20,8 @@ fn main(
     let memory = memory_of(link.particle);
     let hold = hold_of(link.collider, memory.holds);
     if (hold == PUSH || hold == ARREST) {
-        let x = start_of(link.particle);
-        let place = place_at(link.collider, x, trial_way(link.particle), memory, body);
+        let start = start_of(link.particle);
+        let place = place_at(link.collider, start, trial_way(link.particle), memory, body);
         link.limit = friction_limit(place, hold, link.collider, body.stiffness);
         link.grip = grip_of(place, body.stiffness, link.limit);
         links[l] = link;

@@ -27,16 +27,16 @@ fn main(
         end++;
     }
     let body = bodies[links[first].body];
-    let x = start_of(p);
+    let begun = start_of(p);
     let start = memory_of(p);
     let v = vec3<f32>(state_in[p], state_in[params.room + p], state_in[2u * params.room + p]);
     let way = params.dt * v;
     for (var l = first; l < end; l++) {
         let c = links[l].collider;
-        let place = place_at(c, x, way, start, body);
+        let place = place_at(c, begun, way, start, body);
         store_force(l, -params.dt * response(hold_of(c, start.holds), body.stiffness, place, links[l].limit).force);
     }
-    let stop = stopped(first, end, x, way, v, body);
+    let stop = stopped(first, end, begun.x, way, v, body);
     if (any(stop.way != way)) {
         if (!put(p, tag[p].x, offset_of(p) + stop.way / params.dx)) {
             return;
@@ -45,7 +45,7 @@ fn main(
         state_in[params.room + p] = stop.v.y;
         state_in[2u * params.room + p] = stop.v.z;
     }
-    remember(p, remembered(first, end, x, stop.way, start, body));
+    remember(p, remembered(first, end, begun, stop.way, start, body));
 }
 
 struct Stop { way: vec3<f32>, v: vec3<f32> }
@@ -92,15 +92,15 @@ fn stopped(first: u32, end: u32, x: vec3<f32>, way_in: vec3<f32>, v_in: vec3<f32
     return out;
 }
 
-/// What a particle that ends a way (m) from `x` remembers.
-fn remembered(first: u32, end: u32, x: vec3<f32>, way: vec3<f32>, start: Memory, body: Body) -> Memory {
+/// What a particle that ends a way (m) from where it began remembers.
+fn remembered(first: u32, end: u32, begun: Start, way: vec3<f32>, start: Memory, body: Body) -> Memory {
     var memory = start;
     if (start.holds != 0u) {
         memory = untouched(body);
         for (var l = first; l < end; l++) {
             let c = links[l].collider;
             if (start.holds == c + 1u) {
-                memory = kept(place_at(c, x, way, start, body), c, start, body);
+                memory = kept(place_at(c, begun, way, start, body), c, start, body);
             }
         }
     }
@@ -109,9 +109,9 @@ fn remembered(first: u32, end: u32, x: vec3<f32>, way: vec3<f32>, start: Memory,
     for (var l = first; l < end; l++) {
         let c = links[l].collider;
         if (memory.holds == 0u) {
-            memory = taken_up(place_at(c, x, way, free, body), c, free);
+            memory = taken_up(place_at(c, begun, way, free, body), c, free);
         }
-        let there = to_local(pose_at(c, 0u), x) + local_way(c, relative(c, x, way));
+        let there = to_local(pose_at(c, 0u), begun.x) + local_way(c, relative(c, begun.x, way));
         nearest = min(nearest, distance_to(colliders[c], there));
     }
     if (memory.holds == 0u) {
