@@ -3,7 +3,7 @@
 // and what slid is rubbed as it was then.
 // In: the sums of `faces` before each particle. One lane a particle.
 //
-// uses implicit/contact/near_to, implicit/contact/holding
+// uses implicit/contact/start, implicit/contact/holding
 
 /// Part of friction's limit up to which it holds: what has slid is at the limit, but for rounding.
 const STILL_HOLDS = 0.999;
@@ -28,25 +28,23 @@ fn main(
         return;
     }
     var at = link_starts[p];
-    let x = start_of(p).x;
+    let start = start_of(p);
     let memory = memory_of(p);
     for (var c = 0u; c < params.colliders; c++) {
-        if (at < end && is_near(c, x, memory.holds)) {
-            links[at] = first_link(p, c, x, memory);
+        if (at < end && is_near(c, start.x, memory.holds)) {
+            links[at] = first_link(p, c, start, memory);
             at += 1u;
         }
     }
 }
 
-fn first_link(p: u32, c: u32, x: vec3<f32>, memory: Memory) -> Link {
+fn first_link(p: u32, c: u32, start: Start, memory: Memory) -> Link {
     let body = tag[p].y;
     let k = bodies[body].stiffness;
     let hold = hold_of(c, memory.holds);
-    let pose = pose_at(c, 0u);
-    let local = to_local(pose, x);
-    let normal = surface_normal(colliders[c], pose, local, NORMAL_STEP * params.dx);
+    let face = first_face(c, start);
     let stretch = select(vec3<f32>(0.0), memory.stretch, memory.holds == c + 1u);
-    let place = Place(distance_to(colliders[c], local) - memory.radius, normal, stretch);
+    let place = Place(face.distance - memory.radius, face.normal, stretch);
     var link = Link(p, c, body, APART, 0.0);
     if (hold == PUSH || hold == ARREST) {
         let limit = friction_limit(place, hold, c, k);

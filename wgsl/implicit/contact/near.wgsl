@@ -2,7 +2,7 @@
 // each at the step's start (Contacts::new in src/engine/implicit/physics/contact.rs).
 // In: sorted particles. Out: what they remember, and `faces`. One lane a particle.
 //
-// uses implicit/contact/near_to
+// uses implicit/contact/start
 
 /// Meets a face that is there without having come.
 fn met(before: Memory, body: Body, c: u32, distance: f32) -> Memory {
@@ -30,7 +30,7 @@ fn main(
     }
     let at = params.touch * params.room + p;
     let body = bodies[tag[p].y];
-    let x = start_of(p).x;
+    let start = start_of(p);
     let is_new = state[at] == UNMET;
     var memory = memory_of(p);
     if (is_new) {
@@ -39,7 +39,7 @@ fn main(
     for (var c = 0u; c < params.colliders; c++) {
         let there = pose_at(c, 0u).linear.w;
         if (colliders[c].touches != 0u && (there == APPEARS || (is_new && there != 0.0))) {
-            memory = met(memory, body, c, distance_to(colliders[c], to_local(pose_at(c, 0u), x)));
+            memory = met(memory, body, c, first_face(c, start).distance);
         }
     }
     state[at] = f32(memory.holds);
@@ -49,7 +49,7 @@ fn main(
     state[at + 4u * params.room] = memory.stretch.z;
     var count = 0u;
     for (var c = 0u; c < params.colliders; c++) {
-        count += select(0u, 1u, is_near(c, x, memory.holds));
+        count += select(0u, 1u, is_near(c, start.x, memory.holds));
     }
     faces[p] = count;
 }
