@@ -21,8 +21,9 @@ use crate::implicit::{DT_S, Differences, Reference, TIME_S, compare_system, dist
 /// Of the body that meets a plate (m/s).
 const SPEED: f64 = 8.0;
 
-/// Bodies at faces of all kinds, which stand, move and turn: a rough floor that sinks into a body, a thin plate that a
-/// fast body meets, a rough sphere, a slippery lid, a sticky bar; a grip and walls beside them. One face goes, one comes.
+/// Bodies at faces of all kinds, which stand, move and turn: a rough floor that rises into a body, a thin plate that a
+/// fast body meets, a rough sphere, a slippery lid, a sticky bar; a grip and walls beside them. One face goes, another
+/// comes.
 fn scene(kernel: &str, transfer: &str, seed: u64) -> Problem {
     println!("{kernel} {transfer} seed {seed}");
     let mut problem = common::problem(&format!(
@@ -37,7 +38,8 @@ fn scene(kernel: &str, transfer: &str, seed: u64) -> Problem {
         "bodies": [
             {{ "name": "a", "material": "a", "sampling": "jittered",
                 "shape": {{ "box": {{ "min": [-0.3, 0.15, 0.25], "max": [0, 0.4, 0.5] }} }},
-                "grips": [ {{ "name": "grip", "shape": {{ "sphere": {{ "center": [-0.3, 0.15, 0.5], "radius": 0.07 }} }},
+                "grips": [ {{ "name": "grip",
+                    "shape": {{ "sphere": {{ "center": [-0.3, 0.15, 0.5], "radius": 0.07 }} }},
                     "motion": {{ "linear_velocity": [0, 0.3, 0] }} }} ] }},
             {{ "name": "b", "material": "b", "sampling": "jittered",
                 "shape": {{ "sphere": {{ "center": [0.2, 0.4, 0.5], "radius": 0.13 }} }} }},
@@ -60,7 +62,8 @@ fn scene(kernel: &str, transfer: &str, seed: u64) -> Problem {
             {{ "name": "bar", "contact": "sticky",
                "shape": {{ "rotate": {{ "axis": [1, 0.2, 0], "angle_degrees": 70, "center": [0.27, 0.4, 0.52],
                    "shape": {{ "capsule": {{ "center": [0.27, 0.4, 0.52], "radius": 0.03, "height": 0.25 }} }} }} }},
-               "motion": {{ "center": [0.3, 0.4, 0.5], "angular_velocity": [0, 3, 1], "linear_velocity": [0, 0, -0.5] }} }},
+               "motion": {{ "center": [0.3, 0.4, 0.5], "angular_velocity": [0, 3, 1],
+                   "linear_velocity": [0, 0, -0.5] }} }},
             {{ "name": "gone", "contact": "sticky", "until": 0.004,
                 "shape": {{ "box": {{ "min": [0.41, 0.31, 0.25], "max": [0.69, 0.58, 0.31] }} }} }},
             {{ "name": "next", "contact": "slip", "from": 0.006,
@@ -186,7 +189,9 @@ fn compare_end(stepper: &mut DeviceStep, cpu: &Reference, limits: &[f64], dv: &N
     stepper.begin(TIME_S + DT_S, DT_S, false).unwrap();
     touch::appear(&problem.setup, &mut after, TIME_S, TIME_S + DT_S);
     let appeared = compare_touches(&stepper.before().unwrap().touch, &after.touch, problem);
-    found.extend(appeared.into_iter().zip(["holds then", "radius then", "stretch then"]).map(|((_, d), name)| (name, d)));
+    found.extend(
+        appeared.into_iter().zip(["holds then", "radius then", "stretch then"]).map(|((_, d), name)| (name, d)),
+    );
     println!("{touched} surfaces, {stopped} particles stopped, largest impulse {largest:.3} N s");
     assert!(touched >= 7 && stopped > 3);
     found

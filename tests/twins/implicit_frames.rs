@@ -208,15 +208,16 @@ fn sources_emit_what_the_cpu_emits() {
 
 #[test]
 fn what_it_cannot_run_is_said() {
-    use gridfall_core::sim::setup::{Kernel, Method, Precision, Transfer};
+    use gridfall_core::sim::setup::{ContactAt, Kernel, Method, Precision, Transfer};
     type Change<'a> = (&'a str, &'a dyn Fn(&mut Problem));
     let problem = scene("compact", "mls");
     assert_eq!(supports(&problem.setup), Ok(()));
-    let cases: [Change; 5] = [
+    let cases: [Change; 6] = [
         ("3D", &|p| p.setup.dimension = 2),
         ("kernel", &|p| p.setup.kernel = Kernel::Cubic),
         ("apic, mls", &|p| p.setup.transfer = Transfer::Pic),
         ("f32", &|p| p.setup.precision = Precision::F64),
+        ("newton only", &|p| p.setup.contact_at = ContactAt::Particles),
         ("hot", &|p| p.setup.implicit.method = Method::PnPcg),
     ];
     for (word, change) in cases {

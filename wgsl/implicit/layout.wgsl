@@ -76,7 +76,7 @@ struct Touch { normal: vec4<f32>, velocity: vec4<f32>, arm: vec4<f32>, impulse: 
 @group(0) @binding(8) var<storage, read_write> keys: array<vec2<u32>>; // unsorted place -> cell, rank in it
 @group(0) @binding(9) var<storage, read_write> position_in: array<vec4<u32>>; // offset in block (f32 bits), block
 @group(0) @binding(10) var<storage, read_write> tag_in: array<vec2<u32>>; // id, body
-@group(0) @binding(11) var<storage, read_write> state_in: array<f32>; // channel-major: v, B/dx, F, plastic state, contact
+@group(0) @binding(11) var<storage, read_write> state_in: array<f32>; // channel-major: v, B/dx, F, plastic, contact
 @group(0) @binding(12) var<storage, read_write> position: array<vec4<u32>>;
 @group(0) @binding(13) var<storage, read_write> tag: array<vec2<u32>>;
 @group(0) @binding(14) var<storage, read_write> state: array<f32>;

@@ -83,10 +83,7 @@ fn touches(particles: &Particles) -> Vec<f32> {
 /// The same as particles have it: of those before the first that has met no faces yet.
 fn remembered(channels: &[f32], n: usize) -> Vec<Touch> {
     let value = |k: usize, id: usize| f64::from(channels[k * n + id]);
-    let touch = |id: usize| Touch {
-        radius: value(1, id),
-        stretch: [2, 3, 4].map(|k| value(k, id)),
-        with: channels[id] as u32,
-    };
+    let touch =
+        |id: usize| Touch { radius: value(1, id), stretch: [2, 3, 4].map(|k| value(k, id)), with: channels[id] as u32 };
     (0..n).take_while(|&id| channels[id] != UNMET).map(touch).collect()
 }

@@ -95,8 +95,7 @@ impl DeviceStep {
         let buffers = Buffers { counts, memory, system, live: 0, blocks: 0, links: 0 };
         let (setup, contact) = (setup.clone(), Contact::default());
         let separating = false;
-        let mut stepper =
-            Self { gpu, programs, stages, buffers, params, setup, layout, separating, flows, contact };
+        let mut stepper = Self { gpu, programs, stages, buffers, params, setup, layout, separating, flows, contact };
         stepper.append(particles)?;
         Ok(stepper)
     }
