@@ -251,7 +251,8 @@ fn compare_matrix(gpu: &SystemReading, rows: &[Option<usize>], cpu: &Reference, 
                 columns += 1.0;
             }
         }
-        let mut sum = [[0.0; 3]; 3];
+        // A light node's row is a sum of blocks that are larger than its own.
+        let (mut sum, mut widest) = ([[0.0; 3]; 3], diagonal[i]);
         for k in matrix.row_start[i]..matrix.row_start[i + 1] {
             (0..9).for_each(|e| sum[e / 3][e % 3] += matrix.blocks[k][e / 3][e % 3]);
             let j = matrix.columns[k] as usize;
@@ -260,12 +261,13 @@ fn compare_matrix(gpu: &SystemReading, rows: &[Option<usize>], cpu: &Reference, 
                 continue;
             };
             let unit = (diagonal[i] * diagonal[j]).sqrt();
+            widest = widest.max(unit);
             let worst = if free(i) && free(j) { &mut worst } else { &mut sliding };
             for a in 0..3 {
                 larger(worst, distance(&block[a], &matrix.blocks[k][a]) / unit);
             }
         }
-        (0..3).for_each(|a| larger(&mut anchored, distance(&gpu.anchors[row][a], &sum[a]) / diagonal[i]));
+        (0..3).for_each(|a| larger(&mut anchored, distance(&gpu.anchors[row][a], &sum[a]) / widest));
         // Nodes that no particle couples have a column, but nothing in it.
         found.values().for_each(|block| larger(&mut worst, size(block) / diagonal[i]));
     }

@@ -67,6 +67,8 @@ fn shared_structs_agree() {
     twin!(m, linear, Colour: colour, half, counts, spare);
     let m = parse("implicit/linear/decide");
     twin!(m, linear, State: energy, residual2, slope, alpha, halvings, flags, spare);
+    let m = parse("implicit/linear/cg_turn");
+    twin!(m, linear, Cg: zr, beta, alpha, count, size2, mass, motion2, pap);
     let m = parse("implicit/linear/ritz");
     twin!(m, linear, Lanczos: count, rz, spare0, spare1, alpha, beta);
 }

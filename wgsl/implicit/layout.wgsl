@@ -50,7 +50,6 @@ struct Report {
     most_strain: atomic<u32>,    // largest strain that `reach` has seen, f32 bits
     links: u32,                  // particles and faces near them
     spare0: u32,
-    spare1: u32,
 }
 
 // A particle and a face near it. body: of the particle; grip: APART, HOLDS or SLIDES

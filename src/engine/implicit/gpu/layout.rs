@@ -75,7 +75,6 @@ pub struct Report {
     pub most_strain: u32,
     pub links: u32,
     pub spare0: u32,
-    pub spare1: u32,
 }
 
 #[repr(C)]
