@@ -1,7 +1,8 @@
 //! The GPU's stages of an implicit step do what the CPU's do, on random states; a planted error is caught.
 //!
 //! Reference: `implicit` in f64. Masses in full nodes, momenta and gradients in full nodes × m/s,
-//! blocks of the matrix in shares of the diagonal blocks that they couple.
+//! blocks of the matrix in shares of the diagonal blocks that they couple, sums of rows in those of
+//! their blocks' sizes.
 
 use std::collections::HashMap;
 
@@ -251,23 +252,22 @@ fn compare_matrix(gpu: &SystemReading, rows: &[Option<usize>], cpu: &Reference, 
                 columns += 1.0;
             }
         }
-        // A light node's row is a sum of blocks that are larger than its own.
-        let (mut sum, mut widest) = ([[0.0; 3]; 3], diagonal[i]);
+        let (mut sum, mut sizes) = ([[0.0; 3]; 3], 0.0);
         for k in matrix.row_start[i]..matrix.row_start[i + 1] {
             (0..9).for_each(|e| sum[e / 3][e % 3] += matrix.blocks[k][e / 3][e % 3]);
+            sizes += size(&matrix.blocks[k]);
             let j = matrix.columns[k] as usize;
             let Some(block) = rows[j].and_then(|column| found.remove(&(column as u32))) else {
                 columns += 1.0;
                 continue;
             };
             let unit = (diagonal[i] * diagonal[j]).sqrt();
-            widest = widest.max(unit);
             let worst = if free(i) && free(j) { &mut worst } else { &mut sliding };
             for a in 0..3 {
                 larger(worst, distance(&block[a], &matrix.blocks[k][a]) / unit);
             }
         }
-        (0..3).for_each(|a| larger(&mut anchored, distance(&gpu.anchors[row][a], &sum[a]) / widest));
+        (0..3).for_each(|a| larger(&mut anchored, distance(&gpu.anchors[row][a], &sum[a]) / sizes));
         // Nodes that no particle couples have a column, but nothing in it.
         found.values().for_each(|block| larger(&mut worst, size(block) / diagonal[i]));
     }

@@ -237,14 +237,8 @@ fn step(gpu: &Problem, cpu: &Problem, seed: u64) -> Differences {
 
 /// What depends on normals: near a face they are differences over dx/256 in f32, and off by 1e-4. The stiffness across
 /// what slides turns with a stretch that may be short.
-const NORMALS: [(&str, f64); 6] = [
-    ("force", 1e-4),
-    ("stiffness", 5e-4),
-    ("v", 1e-4),
-    ("stretch", 5e-5),
-    ("stretch then", 5e-5),
-    ("sums of rows", 5e-5),
-];
+const NORMALS: [(&str, f64); 5] =
+    [("force", 1e-4), ("stiffness", 5e-4), ("v", 1e-4), ("stretch", 5e-5), ("stretch then", 5e-5)];
 
 fn agrees(differences: &Differences) -> bool {
     let tolerance = |name: &str| NORMALS.iter().find(|(known, _)| *known == name).map_or(2e-5, |known| known.1);

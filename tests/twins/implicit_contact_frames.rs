@@ -84,7 +84,8 @@ fn compare(kernel: &str, youngs_modulus: f64) {
             effort(&reference),
         );
         assert_eq!(holding(&gpu), holding(&cpu), "{name}");
-        assert!(x < 1e-5 && v < 1e-4 && force < 1e-4, "{name}");
+        // Both solve for 1e-4 of what gravity does in a step, 0.08 dx and 0.2 m/s.
+        assert!(x < 2e-5 && v < 1e-4 && force < 1e-4, "{name}");
     }
 }
 

@@ -7,7 +7,7 @@
 struct Memory { radius: f32, stretch: vec3<f32>, holds: u32 }
 
 /// In the channel of `holds`: it has met no faces yet.
-const UNMET = -1.0;
+const UNMET: f32 = -1.0;
 
 fn untouched(body: Body) -> Memory {
     return Memory(0.5 * body.spacing, vec3<f32>(0.0), 0u);

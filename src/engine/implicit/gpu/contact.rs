@@ -1,4 +1,4 @@
-//! Contact at the particles within a step on the device; twin of [`crate::implicit::physics::contact`].
+//! Contact at the particles within a step on the device; twin of `crate::implicit::physics::contact`.
 
 use std::cell::Cell;
 
