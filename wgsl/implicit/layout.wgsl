@@ -147,7 +147,7 @@ const HOLDING_MASS = 2u;
 const HOLDING_BODIES = 3u;
 
 /// In linear.w of a pose: the collider is there, and was not when particles last met faces.
-const APPEARS = 2.0;
+const APPEARS: f32 = 2.0;
 
 const ERROR_NAN = 1u;
 const ERROR_DOMAIN = 4u;
