@@ -168,8 +168,7 @@ impl Run<'_> {
         loop {
             let (zr, goal) = (f64::from(cg.zr), left * self.size(&cg));
             let is_done = zr <= REDUCTION * REDUCTION * first && zr <= goal * goal;
-            // Written so that NaN ends it.
-            if is_done || !(zr > 0.0) || iterations >= krylov::MAX_ITERATIONS {
+            if is_done || zr.is_nan() || zr <= 0.0 || iterations >= krylov::MAX_ITERATIONS {
                 return Ok((iterations, zr >= 0.0));
             }
             gpu.pass(|pass| {
@@ -178,7 +177,7 @@ impl Run<'_> {
                 measure.record(pass);
             });
             cg = self.cg()?;
-            if !(cg.pap > 0.0) {
+            if cg.pap.is_nan() || cg.pap <= 0.0 {
                 return Ok((iterations, false));
             }
             iterations += 1;
