@@ -1,6 +1,6 @@
 //! The solve on the coarsest level.
 
-use super::cholesky::Cholesky;
+use super::factor::Factor;
 use super::hierarchy::Nodes;
 use super::krylov::Inexact;
 use super::objective::NodeVectors;
@@ -22,18 +22,18 @@ pub struct Coarsest<const D: usize> {
 }
 
 enum CoarseSolver<const D: usize> {
-    Exact(Cholesky<D>),
+    Exact(Factor<D>),
     Polynomial(Chebyshev<f64, D>, Room<f64, D>),
     Adaptive(Inexact<D>),
 }
 
 impl<const D: usize> Coarsest<D> {
     pub fn new(kind: CoarseSolve, matrix: Bsr<f64, D>, nodes: &Nodes<D>) -> Self {
-        let factor = || (Cholesky::cost(&matrix, nodes) <= FACTORISE).then(|| Cholesky::new(&matrix, nodes)).flatten();
+        let all: Vec<u32> = (0..matrix.rows() as u32).collect();
         let solver = match kind {
             CoarseSolve::Adaptive => CoarseSolver::Adaptive(Inexact::new(&matrix)),
-            CoarseSolve::Fixed => match factor() {
-                Some(cholesky) => CoarseSolver::Exact(cholesky),
+            CoarseSolve::Fixed => match Factor::new(&matrix, nodes, &all, FACTORISE) {
+                Some(factor) => CoarseSolver::Exact(factor),
                 None => CoarseSolver::Polynomial(Chebyshev::new(&matrix, DEGREE, RANGE), Room::default()),
             },
         };
@@ -44,7 +44,11 @@ impl<const D: usize> Coarsest<D> {
     /// which the adaptive solve takes its tolerance.
     pub fn solve(&mut self, b: &NodeVectors<D>, straight: &NodeVectors<D>, x: &mut NodeVectors<D>) {
         match &mut self.solver {
-            CoarseSolver::Exact(cholesky) => cholesky.solve(b, x),
+            CoarseSolver::Exact(factor) => {
+                let mut b: NodeVectors<D> = factor.nodes().iter().map(|&i| b[i as usize]).collect();
+                x.fill([0.0; D]);
+                factor.add_solution(&mut b, x);
+            }
             CoarseSolver::Polynomial(polynomial, room) => polynomial.smooth(&self.matrix, b, x, true, room),
             CoarseSolver::Adaptive(inexact) => {
                 inexact.solve(&self.matrix, b, straight, x);

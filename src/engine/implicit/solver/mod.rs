@@ -3,9 +3,10 @@
 //! and retreat, here and on the GPU.
 
 mod admm;
-mod cholesky;
 mod coarse;
+mod condensed;
 mod descent;
+mod factor;
 mod galerkin;
 mod gauss_seidel;
 mod hierarchy;
@@ -14,7 +15,6 @@ mod lbfgs;
 mod line_search;
 mod newton;
 pub mod objective;
-mod patches;
 pub(crate) mod policy;
 pub(crate) mod smoother;
 mod solve;

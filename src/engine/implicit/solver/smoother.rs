@@ -17,7 +17,7 @@ use gridfall_core::sim::settings;
 pub const DEGREE: usize = 8;
 pub const RANGE: f64 = 100.0;
 /// Above the largest eigenvalue of any D⁻¹A with the largest possible number of blocks per row.
-const BOUND: f64 = 1e3;
+pub const BOUND: f64 = 1e3;
 
 pub enum Smoother<T, const D: usize> {
     Chebyshev(Chebyshev<T, D>),
@@ -68,6 +68,21 @@ pub struct Room<T, const D: usize> {
     next: Vec<Vector<T, D>>,
 }
 
+/// The factors of the last step and of D⁻¹ r in each step of a Chebyshev polynomial that damps [λ / range,
+/// λ]: the three-term recurrence of Saad, "Iterative Methods for Sparse Linear Systems", algorithm 12.1.
+pub fn coefficients(lambda: f64, range: f64, degree: usize) -> impl Iterator<Item = [f64; 2]> {
+    let (theta, delta) = (0.5 * lambda * (1.0 + 1.0 / range), 0.5 * lambda * (1.0 - 1.0 / range));
+    let mut rho = delta / theta;
+    (0..degree).map(move |k| {
+        if k == 0 {
+            return [0.0, 1.0 / theta];
+        }
+        let old = rho;
+        rho = 1.0 / (2.0 * theta / delta - old);
+        [rho * old, 2.0 * rho / delta]
+    })
+}
+
 /// A Chebyshev polynomial of D⁻¹A, D the diagonal blocks (Adams, Brezina, Hu & Tuminaro 2003).
 pub struct Chebyshev<T, const D: usize> {
     inverse_diagonal: Vec<Matrix<T, D>>,
@@ -80,7 +95,7 @@ impl<T: Real, const D: usize> Chebyshev<T, D> {
     /// Damps the spectrum's part in [λ / range, λ].
     pub fn new(matrix: &Bsr<T, D>, degree: usize, range: f64) -> Self {
         let inverse_diagonal: Vec<_> = matrix.diagonal().iter().map(inverse).collect();
-        let lambda = largest_eigenvalue(matrix, &inverse_diagonal);
+        let lambda = largest_eigenvalue(|x, y| matrix.multiply(x, y), &inverse_diagonal);
         Self { inverse_diagonal, degree, range, lambda }
     }
 
@@ -90,8 +105,7 @@ impl<T: Real, const D: usize> Chebyshev<T, D> {
         self.lambda < BOUND
     }
 
-    /// Three-term recurrence (Saad, "Iterative Methods for Sparse Linear Systems", algorithm 12.1);
-    /// one pass over the matrix per degree.
+    /// One pass over the matrix per degree.
     pub fn smooth(
         &self,
         matrix: &Bsr<T, D>,
@@ -102,17 +116,7 @@ impl<T: Real, const D: usize> Chebyshev<T, D> {
     ) {
         room.step.resize(b.len(), [T::ZERO; D]);
         room.next.resize(b.len(), [T::ZERO; D]);
-        let (theta, delta) =
-            (0.5 * self.lambda * (1.0 + 1.0 / self.range), 0.5 * self.lambda * (1.0 - 1.0 / self.range));
-        let mut rho = delta / theta;
-        for k in 0..self.degree {
-            let (keep, gain) = if k == 0 {
-                (0.0, 1.0 / theta)
-            } else {
-                let old = rho;
-                rho = 1.0 / (2.0 * theta / delta - old);
-                (rho * old, 2.0 * rho / delta)
-            };
+        for (k, [keep, gain]) in coefficients(self.lambda, self.range, self.degree).enumerate() {
             if k == 0 && from_zero {
                 self.first_step(T::from_f64(gain), b, &mut room.step);
                 x.copy_from_slice(&room.step);

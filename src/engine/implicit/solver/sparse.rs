@@ -61,6 +61,14 @@ impl<T: Real, const D: usize> Bsr<T, D> {
         rows_times(self, first, x, y);
     }
 
+    /// b − A x in some rows.
+    pub fn residuals(&self, rows: &[u32], b: &[Vector<T, D>], x: &[Vector<T, D>]) -> Vec<Vector<T, D>> {
+        let mut r = vec![[T::ZERO; D]; rows.len()];
+        let chunks = r.par_chunks_mut(ROWS).zip(rows.par_chunks(ROWS));
+        chunks.for_each(|(r, rows)| some_rows_times(self, rows, b, x, r));
+        r
+    }
+
     /// All entries, zeros included.
     pub fn to_dense(&self) -> DMatrix<f64> {
         let mut dense = DMatrix::zeros(D * self.rows(), D * self.rows());
@@ -107,6 +115,24 @@ widest! {
         for (i, y) in y.iter_mut().enumerate() {
             let (start, end) = (matrix.row_start[first + i], matrix.row_start[first + i + 1]);
             *y = row_times(&matrix.columns[start..end], matrix.blocks[start..].as_flattened().as_flattened(), |j| x[j]);
+        }
+    }
+}
+
+widest! {
+    fn some_rows_times[T: Real, const D: usize][T, D](
+        matrix: &Bsr<T, D>,
+        rows: &[u32],
+        b: &[Vector<T, D>],
+        x: &[Vector<T, D>],
+        r: &mut [Vector<T, D>],
+    ) {
+        for (&i, r) in rows.iter().zip(r) {
+            let i = i as usize;
+            let (start, end) = (matrix.row_start[i], matrix.row_start[i + 1]);
+            let entries = matrix.blocks[start..].as_flattened().as_flattened();
+            let product = row_times(&matrix.columns[start..end], entries, |j| x[j]);
+            *r = std::array::from_fn(|a| b[i][a] - product[a]);
         }
     }
 }

@@ -1,9 +1,8 @@
-//! The largest eigenvalue of D⁻¹A.
+//! The largest eigenvalue of D⁻¹A, A given by its products.
 
 use nalgebra::DMatrix;
 
 use super::objective::NodeVectors;
-use super::sparse::Bsr;
 use super::verbs::{apply_blocks, axpy, dot, xpby};
 use gridfall_core::maths::linalg::{Matrix, Vector};
 use gridfall_core::maths::real::Real;
@@ -14,17 +13,20 @@ const STEPS: usize = 12;
 /// Factor by which the largest Ritz value is raised.
 const MARGIN: f64 = 1.1;
 
-/// 1.1 × the largest Ritz value of 12 Lanczos steps, D the diagonal blocks. Lanczos' tridiagonal
+/// 1.1 × the largest Ritz value of 12 Lanczos steps for D⁻¹A. Lanczos' tridiagonal
 /// matrix is read off conjugate gradients.
-pub fn largest_eigenvalue<T: Real, const D: usize>(matrix: &Bsr<T, D>, inverse_diagonal: &[Matrix<T, D>]) -> f64 {
-    let n = matrix.rows();
+pub fn largest_eigenvalue<T: Real, const D: usize>(
+    multiply: impl Fn(&[Vector<T, D>], &mut [Vector<T, D>]),
+    inverse_diagonal: &[Matrix<T, D>],
+) -> f64 {
+    let n = inverse_diagonal.len();
     let wide = |v: &[Vector<T, D>]| -> NodeVectors<D> { v.iter().map(|v| v.map(|x| x.to_f64())).collect() };
     let mut r: Vec<Vector<T, D>> = (0..n).map(|i| std::array::from_fn(|a| noise((D * i + a) as u64))).collect();
     let mut z = vec![[T::ZERO; D]; n];
     let mut ap = z.clone();
     // A right-hand side D × noise is noise in the eigenbasis of D⁻¹A, whatever the scales of the
     // nodes.
-    matrix.multiply(&r, &mut ap);
+    multiply(&r, &mut ap);
     r.copy_from_slice(&ap);
     apply_blocks(inverse_diagonal, &r, &mut z);
     let mut p = z.clone();
@@ -32,7 +34,7 @@ pub fn largest_eigenvalue<T: Real, const D: usize>(matrix: &Bsr<T, D>, inverse_d
     let mut tridiagonal = DMatrix::<f64>::zeros(STEPS, STEPS);
     let (mut old_alpha, mut beta, mut steps) = (1.0, 0.0, 0);
     for k in 0..STEPS {
-        matrix.multiply(&p, &mut ap);
+        multiply(&p, &mut ap);
         let pap = dot(&wide(&p), &wide(&ap));
         if !(pap > 0.0 && zr > 0.0) {
             break;

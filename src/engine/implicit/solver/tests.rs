@@ -4,12 +4,15 @@ use nalgebra::DMatrix;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::coarse::Coarsest;
+use super::condensed::{Condensed, Cycle};
+use super::factor::Factor;
 use super::fixture::{Body, Recipe};
 use super::galerkin::galerkin;
 use super::gauss_seidel::{GaussSeidel, SymmetricGaussSeidel};
 use super::hierarchy::{Embedding, Nodes, Prolongation};
 use super::krylov::{BlockJacobi, Preconditioner, conjugate_gradients};
-use super::objective::{NodeVectors, Objective};
+use super::objective::{NodeId, NodeVectors, Objective};
 use super::solve::solve;
 use super::sparse::Bsr;
 use super::tolerance::residual;
@@ -226,6 +229,109 @@ fn cycle_takes_a_fifth_of_jacobis_iterations() {
         let multigrid = iterations(&matrix, &b, &mut cycle);
         println!("{smoother:?} {coarse_solve:?}: {multigrid}, Jacobi {jacobi}");
         assert!(5 * multigrid <= jacobi, "{smoother:?}: {multigrid} against {jacobi}");
+    }
+}
+
+/// Solutions for some of the nodes against those of the dense matrix, whose entries are changed by `planted`.
+fn factor_error<const D: usize>(recipe: Recipe<D>, planted: f64) -> f64 {
+    let body = Body::new(recipe);
+    let matrix = body.hessian(&body.start());
+    let chosen: Vec<u32> = (0..matrix.rows() as u32).filter(|i| i % 7 < 4).collect();
+    let factor = Factor::new(&matrix, &nodes(&body), &chosen, f64::INFINITY).unwrap();
+    let mut order = factor.nodes().to_vec();
+    let places: Vec<usize> = order.iter().flat_map(|&i| (0..D).map(move |a| D * i as usize + a)).collect();
+    let dense = matrix.to_dense().select_rows(&places).select_columns(&places);
+    let mut b = random_field::<D>(order.len(), 21);
+    let mut expected = nalgebra::DVector::from_column_slice(b.as_flattened());
+    (dense * (1.0 + planted)).cholesky().unwrap().solve_mut(&mut expected);
+    let mut x: NodeVectors<D> = vec![[0.0; D]; matrix.rows()];
+    factor.add_solution(&mut b, &mut x);
+    let found = places.iter().map(|&k| x[k / D][k % D]);
+    let error = found.zip(expected.iter()).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max) / expected.amax();
+    order.sort_unstable();
+    assert_eq!(order, chosen);
+    error
+}
+
+#[test]
+fn factor_solves_for_some_of_the_nodes() {
+    for error in [
+        factor_error(Recipe { youngs: [1e5, 1e6], ..SOLID }, 0.0),
+        factor_error(Recipe { youngs: [1e5, 1e6], dual: true, cells: [8, 4, 5], ..SOLID }, 0.0),
+        factor_error(FLAT, 0.0),
+        factor_error(Recipe { period: [Some(12), None], cells: [12, 8], sliding: false, ..FLAT }, 0.0),
+    ] {
+        assert!(error < 1e-8, "{error:e}");
+    }
+    assert!(factor_error(FLAT, 1e-6) > 1e-8);
+}
+
+/// A coarse matrix is singular where more coarse nodes than fine ones lie, as at a body's irregular rim.
+/// What moves fine nodes is solved for all the same: the rigid motions of stiff bodies depend on it.
+#[test]
+fn singular_coarse_matrices_are_solved() {
+    let body = Body::new(Recipe { cells: [5, 4, 4], youngs: [1e10, 1e10], sliding: false, ..SOLID });
+    let (fine, matrix) = (nodes(&body), body.hessian(&body.start()));
+    // Beside a fine node that stands alone, eight coarse ones.
+    let ids: Vec<_> = (0..8).map(|k| fine.ids[0].index.map(|i| i / 2 + 1000 + (k & 1))).collect();
+    let ids = ids.iter().zip(0..8).map(|(at, k)| [at[0], at[1] + (k >> 1 & 1), at[2] + (k >> 2)]);
+    let ids: Vec<_> = fine.ids.iter().copied().chain(ids.map(|index| NodeId { grid: 0, index })).collect();
+    let n = fine.ids.len() as u32;
+    let mut singular = matrix.clone();
+    for _ in 0..8 {
+        singular.columns.extend(n..n + 8);
+        singular.blocks.extend([[[2.0, 1.0, 0.0], [1.0, 3.0, 0.0], [0.0, 0.0, 1.0]]; 8]);
+        singular.row_start.push(singular.columns.len());
+    }
+    let expected = random_field::<3>(singular.rows(), 23);
+    let mut b = expected.clone();
+    singular.multiply(&expected, &mut b);
+    let (mut x, mut again) = (expected.clone(), b.clone());
+    let nodes = Nodes { ids, period: fine.period };
+    Coarsest::new(CoarseSolve::Fixed, singular.clone(), &nodes).solve(&b, &b, &mut x);
+    singular.multiply(&x, &mut again);
+    let error = norm(&difference(&again, &b)) / norm(&b);
+    assert!(error < 1e-8, "{error:e}");
+}
+
+fn condensed<const D: usize>(body: &Body<D>, matrix: &Bsr<f64, D>) -> Condensed<D> {
+    Condensed::new(body, matrix, &plan(Smoother::Chebyshev, CoarseSolve::Fixed))
+}
+
+#[test]
+fn condensed_cycle_is_symmetric_and_positive_definite() {
+    let body = Body::new(Recipe { cells: [5, 3, 3], youngs: [1e5, 1e7], ..SOLID });
+    let matrix = body.hessian(&body.start());
+    let mut hierarchy = condensed(&body, &matrix);
+    let dense = dense_operator(&mut Cycle { matrix: &matrix, hierarchy: &mut hierarchy }, matrix.rows());
+    assert!(asymmetry(&dense) < 1e-9, "{:e}", asymmetry(&dense));
+    let eigenvalues = (0.5 * (&dense + dense.transpose())).symmetric_eigenvalues();
+    assert!(eigenvalues.min() > 0.0, "{:e}", eigenvalues.min());
+}
+
+/// On one grid stiffness does not matter, nor where it ends. On two it still does, by far less than to
+/// the plain cycle.
+#[test]
+fn condensed_cycles_do_not_grow_with_stiffness() {
+    for dual in [false, true] {
+        let count = |youngs: [f64; 2]| {
+            let body = Body::new(Recipe { cells: [12, 5, 6], youngs, dual, sliding: false, ..SOLID });
+            let matrix = body.hessian(&body.start());
+            let b = random_field::<3>(matrix.rows(), 22);
+            let mut hierarchy = condensed(&body, &matrix);
+            let condensed = iterations(&matrix, &b, &mut Cycle { matrix: &matrix, hierarchy: &mut hierarchy });
+            let plan = plan(Smoother::Chebyshev, CoarseSolve::Fixed);
+            let mut plain = VCycle::<f64, 3>::new(&body, &body.start(), &matrix, &plan);
+            let plain = iterations(&matrix, &b, &mut plain);
+            println!("dual {dual}, {youngs:?} Pa: {condensed}, plain {plain}");
+            [condensed, plain]
+        };
+        let [soft, _] = count([1e5, 1e5]);
+        for youngs in [[1e10, 1e10], [1e5, 1e10]] {
+            let [stiff, plain] = count(youngs);
+            assert!(10 * stiff <= plain, "{stiff} against {plain}");
+            assert!(dual || 2 * stiff <= 3 * soft, "{stiff} against {soft}");
+        }
     }
 }
 

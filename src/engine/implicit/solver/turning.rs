@@ -3,12 +3,12 @@
 //! conjugate gradients around a V-cycle until the error of Δv is small (docs/NUMERICS.md, "Implicit
 //! steps in which stiff bodies turn"). What has no energy is renewed with every iteration.
 
+use super::condensed::{Condensed, Cycle};
 use super::krylov::{conjugate_gradients_until, precondition};
 use super::objective::{NodeVectors, Objective, Renewed};
-use super::patches::{Patched, Patches};
 use super::sparse::Bsr;
 use super::tolerance::residual as characteristic;
-use super::vcycle::{Plan, VCycle};
+use super::vcycle::Plan;
 use super::verbs::{axpy, dot, mass_norm, project};
 use crate::contract::Solve;
 use gridfall_core::sim::settings::{Implicit, Norm};
@@ -140,27 +140,26 @@ pub fn solve<const D: usize>(
             model = Model::new(objective, &at.dv, false, plan);
         }
     }
-    (solve.levels, solve.nonzeros) = (model.cycle.depth(), model.matrix.blocks.len() as u64);
+    (solve.levels, solve.nonzeros) = (model.hierarchy.depth(), model.matrix.blocks.len() as u64);
     (at.dv, solve)
 }
 
 /// The Hessian of an iteration, and its approximate inverse.
 struct Model<const D: usize> {
     matrix: Bsr<f64, D>,
-    cycle: VCycle<f64, D>,
-    patches: Patches,
+    hierarchy: Condensed<D>,
 }
 
 impl<const D: usize> Model<D> {
     fn new(objective: &dyn Objective<D>, dv: &NodeVectors<D>, elastic: bool, plan: &Plan) -> Self {
         let matrix = objective.tangent(dv, elastic);
-        let (cycle, patches) = (VCycle::new(objective, dv, &matrix, plan), Patches::new(objective, &matrix));
-        Self { matrix, cycle, patches }
+        let hierarchy = Condensed::new(objective, &matrix, plan);
+        Self { matrix, hierarchy }
     }
 
-    /// V: a cycle with the light nodes solved for around it.
-    fn inverse(&mut self) -> Patched<'_, D> {
-        Patched { matrix: &self.matrix, patches: &self.patches, cycle: &mut self.cycle }
+    /// V: a cycle.
+    fn inverse(&mut self) -> Cycle<'_, D> {
+        Cycle { matrix: &self.matrix, hierarchy: &mut self.hierarchy }
     }
 
     /// √(rᵀ V r) / ‖Δv‖: the error of Δv relative to its size. With V = H⁻¹ the former is the error in

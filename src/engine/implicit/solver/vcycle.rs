@@ -8,7 +8,7 @@ use super::coarse::Coarsest;
 use super::galerkin::galerkin;
 use super::hierarchy::{Embedding, Nodes, Prolongation};
 use super::krylov::Preconditioner;
-use super::objective::{NodeVectors, Objective};
+use super::objective::{NodeId, NodeVectors, Objective};
 use super::smoother::{Room, Smoother, residual};
 use super::sparse::Bsr;
 use super::verbs::update;
@@ -62,26 +62,38 @@ pub struct VCycle<T, const D: usize> {
 impl<T: Real, const D: usize> VCycle<T, D> {
     /// The hierarchy over the Hessian at Δv.
     pub fn new(objective: &dyn Objective<D>, dv: &NodeVectors<D>, finest: &Bsr<f64, D>, plan: &Plan) -> Self {
-        let mut nodes = Nodes { ids: objective.nodes().to_vec(), period: objective.period() };
-        let mut projections: Vec<_> = objective.freedoms().iter().map(|freedom| freedom.projection()).collect();
+        let nodes = Nodes { ids: objective.nodes().to_vec(), period: objective.period() };
+        let projections = objective.freedoms().iter().map(|freedom| freedom.projection()).collect();
+        let by_quadrature = |level: u32| plan.geometric.then(|| objective.coarse_hessian(dv, level));
+        Self::over(nodes, projections, finest, plan, &by_quadrature)
+    }
+
+    /// The hierarchy over a matrix, and over R H P or what `by_quadrature` gives for a level below.
+    pub fn over(
+        mut nodes: Nodes<D>,
+        mut projections: Vec<Option<Matrix<f64, D>>>,
+        finest: &Bsr<f64, D>,
+        plan: &Plan,
+        by_quadrature: &dyn Fn(u32) -> Option<(Vec<NodeId<D>>, Bsr<f64, D>)>,
+    ) -> Self {
         let mut coarser: Option<Bsr<f64, D>> = None;
         let mut levels = Vec::new();
         while (levels.len() as u32) + 1 < plan.levels && nodes.ids.len() > FEWEST_NODES {
             let matrix = coarser.as_ref().unwrap_or(finest);
-            let (coarse_nodes, prolongation, coarse) = if plan.geometric {
-                let (ids, matrix) = objective.coarse_hessian(dv, levels.len() as u32 + 1);
-                let coarse_nodes = Nodes { ids, period: nodes.coarsen(plan.embedding).0.period };
-                let prolongation = nodes.prolongation(&coarse_nodes, plan.embedding);
-                let free = vec![None; coarse_nodes.ids.len()];
-                (coarse_nodes, prolongation, (matrix, free))
-            } else {
-                let (coarse_nodes, prolongation) = nodes.coarsen(plan.embedding);
-                if coarse_nodes.ids.len() == nodes.ids.len() {
-                    break;
-                }
-                let coarse = galerkin(matrix, &projections, &prolongation);
-                (coarse_nodes, prolongation, (coarse.matrix, coarse.projections))
-            };
+            let (coarse_nodes, prolongation, coarse) =
+                if let Some((ids, matrix)) = by_quadrature(levels.len() as u32 + 1) {
+                    let coarse_nodes = Nodes { ids, period: nodes.coarsen(plan.embedding).0.period };
+                    let prolongation = nodes.prolongation(&coarse_nodes, plan.embedding);
+                    let free = vec![None; coarse_nodes.ids.len()];
+                    (coarse_nodes, prolongation, (matrix, free))
+                } else {
+                    let (coarse_nodes, prolongation) = nodes.coarsen(plan.embedding);
+                    if coarse_nodes.ids.len() == nodes.ids.len() {
+                        break;
+                    }
+                    let coarse = galerkin(matrix, &projections, &prolongation);
+                    (coarse_nodes, prolongation, (coarse.matrix, coarse.projections))
+                };
             let fine = matrix.cast::<T>();
             let narrow = |s: &Matrix<f64, D>| s.map(|row| row.map(T::from_f64));
             let zeros = vec![[T::ZERO; D]; nodes.ids.len()];
