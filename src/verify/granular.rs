@@ -1,6 +1,8 @@
 //! Sand that flows: the collapse of a column against experiments, and the slope on which a layer
 //! comes to rest.
 
+use std::collections::BTreeMap;
+
 use serde_json::{Value, json};
 
 use super::Case;
@@ -52,6 +54,18 @@ fn granular_column(session: &mut Session) -> Result<(), EngineError> {
     Ok(())
 }
 
+/// Angle of repose of the experiments' sand.
+const REPOSE_DEGREES: f64 = 31.0;
+
+/// Particles of a cell.
+const A_CELL: usize = 4;
+
+/// The angle of friction with which slopes stand up to an angle of repose: grains that shear at
+/// constant volume resist with sin φ (Davis 1968).
+fn friction_of_repose(degrees: f64) -> f64 {
+    degrees.to_radians().tan().asin().to_degrees()
+}
+
 /// Run-out and height of a column's deposit, over the column's initial length. The column stands in
 /// the lower left corner. The left wall is smooth; the floor holds.
 fn collapse(session: &Session, scheme: Scheme, aspect: f64) -> Result<(f64, f64), EngineError> {
@@ -67,7 +81,7 @@ fn collapse(session: &Session, scheme: Scheme, aspect: f64) -> Result<(f64, f64)
                                                 (aspect.ceil() + 0.5) * width],
                         "dx": dx, "boundary": { "x": slip, "y+": slip } },
             "gravity": [0, -9.81],
-            "materials": { "sand": sand("mohr-coulomb", 31.0) },
+            "materials": { "sand": sand("mohr-coulomb", friction_of_repose(REPOSE_DEGREES)) },
             "bodies": [ { "name": "column", "material": "sand",
                           "shape": { "box": { "min": [0, 0], "max": [width, aspect * width] } } } ],
         }),
@@ -79,10 +93,11 @@ fn collapse(session: &Session, scheme: Scheme, aspect: f64) -> Result<(f64, f64)
         engine.advance_frame(end_s / 20.0, &NoControl)?;
     }
     let particles = engine.snapshot()?;
-    let mut reach: Vec<f64> = particles.x.iter().map(|x| x[0]).collect();
-    reach.sort_by(f64::total_cmp);
-    // Without the grains that jumped ahead.
-    let front = reach[reach.len() * 99 / 100];
+    // Without the grains that went ahead: up to the first column of cells that does not fill one.
+    let mut filled = BTreeMap::new();
+    particles.x.iter().for_each(|x| *filled.entry((x[0] / dx).floor() as i64).or_insert(0) += 1);
+    let ends = |column: &i64| filled.get(column).is_none_or(|count| *count < A_CELL);
+    let front = (0..).find(ends).expect("grains end somewhere") as f64 * dx;
     let beside_the_wall = particles.x.iter().filter(|x| x[0] < 0.2 * width);
     let top = beside_the_wall.fold(0.0f64, |top, x| top.max(x[1]));
     Ok(((front - width) / width, top / width))
