@@ -136,9 +136,9 @@ fn stiff_bodies_fall_freely() {
             effort(|solve| solve.iterations),
             effort(|solve| solve.inner_iterations)
         );
-        // The tolerance, of how far it falls.
+        // The tolerance, of how far it falls; each engine has it.
         assert!(off[0] < 1e-2 * fall[1] / dx);
-        assert!(apart < 1e-2);
+        assert!(apart < 2e-2 * fall[1] / dx);
     }
 }
 

@@ -29,6 +29,9 @@ const WEAK: f64 = 0.05;
 /// if they share particles that matter: |H_ij| is at least this part of √(|H_ii| |H_jj|). A soft body's
 /// nodes beside a stiff one that share soft particles only are not weak.
 const COUPLED: f64 = 0.05;
+/// and if the stiffness that it has is at least so many times its inertia: else inertia holds what
+/// would follow, and nothing is slow.
+const HELD: f64 = 1000.0;
 
 /// The hierarchy.
 pub struct Condensed<const D: usize> {
@@ -53,7 +56,7 @@ impl<const D: usize> Condensed<D> {
         let zeros = vec![[0.0; D]; coarse_nodes.ids.len()];
         let plan = Plan { levels: plan.levels.saturating_sub(1), ..*plan };
         let coarse = VCycle::over(coarse_nodes, below.projections, &below.matrix, &plan, &|_| None);
-        let is_weak = weak_nodes(matrix);
+        let is_weak = weak_nodes(matrix, objective.masses());
         let which = |weak: bool| (0..matrix.rows() as u32).filter(|&i| is_weak[i as usize] == weak).collect();
         let (strong, chosen): (Vec<u32>, Vec<u32>) = (which(false), which(true));
         let weak = Factor::new(matrix, &nodes, &chosen, f64::INFINITY).expect("no bound");
@@ -137,7 +140,7 @@ impl<const D: usize> Condensed<D> {
 }
 
 /// Which nodes are weak.
-fn weak_nodes<const D: usize>(matrix: &Bsr<f64, D>) -> Vec<bool> {
+fn weak_nodes<const D: usize>(matrix: &Bsr<f64, D>, masses: &[f64]) -> Vec<bool> {
     let stiffness: Vec<f64> = matrix.diagonal().iter().map(trace).collect();
     let is_weak = |i: usize| {
         let (columns, blocks) = matrix.row(i);
@@ -147,6 +150,7 @@ fn weak_nodes<const D: usize>(matrix: &Bsr<f64, D>) -> Vec<bool> {
             own < WEAK * other && square > COUPLED * COUPLED * own * other
         })
     };
+    let is_weak = |i: usize| stiffness[i] > HELD * D as f64 * masses[i] && is_weak(i);
     (0..matrix.rows()).into_par_iter().map(is_weak).collect()
 }
 
