@@ -240,7 +240,7 @@ fn newtons_error_is_its_tolerance() {
                 |x: &DVector<f64>| (0..x.len()).map(|k| case.sample.masses[k / 3] * x[k] * x[k]).sum::<f64>().sqrt();
             for tolerance in [1e-2, 2e-3] {
                 let settings = Implicit { tolerance: Some(tolerance), ..Implicit::default() };
-                let (x, solve) = case.run(&gpu, &mut Minimiser::new(kernel, settings.clone()));
+                let (x, solve) = case.run(&gpu, &mut Minimiser::new(kernel, settings));
                 let error = size(&(&x - &solution)) / size(&solution);
                 println!("{kernel:?} {stiff_pa:e} Pa, {tolerance:e}: {solve:?}, off by {error:e}");
                 assert!(solve.converged && solve.residual <= tolerance);
