@@ -1,8 +1,8 @@
 // Inverses of the diagonal blocks, D⁻¹ = Σ v vᵀ / λ from the eigenvectors. A coarse node that is
 // reached through sliding nodes only has a singular block: its missing directions get the block's
 // largest eigenvalue, in the matrix too, which leaves them alone.
-// The row of a node that few particles see is taken as it stands, and its sum left out: its own block
-// is smaller than those that couple it to others, and would drown in their rounding.
+// The row of a node that few particles see is taken relative to the neighbour it is coupled to most:
+// its own block is smaller than those beside it, and would drown in their rounding.
 // Out: inverse[k * stride + row], k = xx, xy, xz, yy, yz, zz. A thread a row.
 //
 // uses implicit/linear/level, implicit/linear/stencil_*
@@ -11,6 +11,7 @@
 @group(0) @binding(1) var<storage, read_write> values: array<f32>;
 @group(0) @binding(2) var<storage, read_write> inverse: array<f32>;
 @group(0) @binding(3) var<storage, read_write> anchors: array<f32>;
+@group(0) @binding(4) var<storage, read> columns: array<u32>;
 
 // Relative to the largest eigenvalue: above the roundings of a product with S, below every ratio
 // that f32 can make use of.
@@ -96,15 +97,14 @@ fn main(@builtin(global_invocation_id) thread: vec3<u32>) {
     for (var k = 0u; k < 6u; k++) {
         inverse[k * level.stride + row] = d[k];
     }
-    var widest = 0.0;
+    var widest = size2(at);
+    var follows = row;
     for (var slot = 0u; slot < SLOTS; slot++) {
-        widest = max(widest, select(size2(9u * slot * level.stride + row), 0.0, slot == CENTRE));
-    }
-    let is_light = widest > size2(at);
-    anchors[9u * level.stride + row] = select(1.0, 0.0, is_light);
-    if (is_light) {
-        for (var k = 0u; k < 9u; k++) {
-            anchors[k * level.stride + row] = 0.0;
+        let size = size2(9u * slot * level.stride + row);
+        if (size > widest) {
+            widest = size;
+            follows = columns[slot * level.stride + row];
         }
     }
+    anchors[9u * level.stride + row] = f32(follows);
 }

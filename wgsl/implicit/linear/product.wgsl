@@ -1,6 +1,6 @@
-// y = A x by rows, as y_i = anchor_i x_i + Σ_j≠i A_ij (x_j − x_i), anchor_i the sum of the row: what
-// stiff bodies do as a whole costs them nothing then, whatever the rounding of A. Rows of light nodes
-// are plain (diagonal.wgsl).
+// y = A x by rows, as y_i = anchor_i x_r + Σ_j A_ij (x_j − x_r), anchor_i the sum of the row: what stiff
+// bodies do as a whole costs them nothing then, whatever the rounding of A. r is i itself, or of a
+// light node the neighbour that it follows (diagonal.wgsl).
 // 32 rows a workgroup, their slots dealt to 8 lanes each, whose sums are added in order. Neighbouring
 // lanes read neighbouring rows of slot-major values. The entry point says what x is by
 // `gathered(row)`.
@@ -17,10 +17,9 @@ fn product(row: u32, lane: u32, wanted: bool) -> vec3<f32> {
     var sum = vec3<f32>();
     if (wanted) {
         let n = level.stride;
-        let all = gathered(row);
-        let own = anchors[9u * n + row] * all;
+        let own = gathered(u32(anchors[9u * n + row]));
         for (var slot = lane / ROWS; slot < SLOTS; slot += PARTS) {
-            // Without a neighbour the block is zero, and the own one has no say.
+            // Without a neighbour the block is zero.
             let j = columns[slot * n + row];
             let x = gathered(select(j, row, j == NONE)) - own;
             let at = 9u * slot * n + row;
@@ -32,9 +31,9 @@ fn product(row: u32, lane: u32, wanted: bool) -> vec3<f32> {
         }
         if (lane < ROWS) {
             sum += vec3<f32>(
-                anchors[row] * all.x + anchors[row + n] * all.y + anchors[row + 2u * n] * all.z,
-                anchors[row + 3u * n] * all.x + anchors[row + 4u * n] * all.y + anchors[row + 5u * n] * all.z,
-                anchors[row + 6u * n] * all.x + anchors[row + 7u * n] * all.y + anchors[row + 8u * n] * all.z,
+                anchors[row] * own.x + anchors[row + n] * own.y + anchors[row + 2u * n] * own.z,
+                anchors[row + 3u * n] * own.x + anchors[row + 4u * n] * own.y + anchors[row + 5u * n] * own.z,
+                anchors[row + 6u * n] * own.x + anchors[row + 7u * n] * own.y + anchors[row + 8u * n] * own.z,
             );
         }
     }

@@ -28,8 +28,8 @@ pub const NO_NODE: u32 = u32::MAX;
 ///   block (kg), S folded in, trace/3 · (I − S) added on the diagonals of sliding nodes. Blocks
 ///   without a neighbour are zero.
 /// - `anchors`, `array<f32>`, `[(3 a + c) * stride + row]`: the sum of a row's blocks (kg), known better
-///   than the blocks are: stiff bodies hold nothing when they move as a whole. Then, by row, whether it
-///   has a say (1 or 0), which the minimiser finds out.
+///   than the blocks are: stiff bodies hold nothing when they move as a whole. Then, by row, the row that
+///   it is taken relative to, which the minimiser finds out.
 /// - `freedoms`, `array<vec4<f32>>`: w = 0 free; 1: slides along the plane with normal xyz,
 ///   S = I − n nᵀ; 2: along the line xyz, S = t tᵀ.
 /// - `masses`, `array<f32>` (kg).

@@ -32,10 +32,9 @@ fn matrix(gpu: &Gpu, system: &System, level: &Level) -> DMatrix<f64> {
     let (n, stride) = (level.shape.rows as usize, level.shape.stride as usize);
     let anchors: Vec<f32> = level.memory.read(gpu, "anchors", 10 * stride).unwrap();
     let mut dense = blocks(gpu, system, level);
-    let heavy = (0..n).filter(|i| anchors[9 * stride + i] == 1.0);
-    for (i, a, c) in heavy.flat_map(|i| (0..9).map(move |k| (i, k / 3, k % 3))) {
-        let sum: f64 = (0..n).map(|j| dense[(3 * i + a, 3 * j + c)]).sum();
-        dense[(3 * i + a, 3 * i + c)] += f64::from(anchors[(3 * a + c) * stride + i]) - sum;
+    for (i, a, c) in (0..n).flat_map(|i| (0..9).map(move |k| (i, k / 3, k % 3))) {
+        let (sum, follows) = ((0..n).map(|j| dense[(3 * i + a, 3 * j + c)]).sum::<f64>(), anchors[9 * stride + i]);
+        dense[(3 * i + a, 3 * follows as usize + c)] += f64::from(anchors[(3 * a + c) * stride + i]) - sum;
     }
     dense
 }

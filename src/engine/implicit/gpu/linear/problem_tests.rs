@@ -107,15 +107,9 @@ impl Sample {
         let mut columns = vec![NO_NODE; slots(self.kernel) as usize * stride];
         let mut values = vec![0.0f32; columns.len() * 9];
         let rows: BTreeMap<_, _> = self.ids.iter().enumerate().map(|(row, id)| (*id, row)).collect();
-        let mut anchors = vec![0.0f32; 10 * stride];
         let mut blocks = 0;
         for (row, id) in self.ids.iter().enumerate() {
             let range = self.matrix.row_start[row]..self.matrix.row_start[row + 1];
-            anchors[9 * stride + row] = 1.0;
-            for (a, c) in (0..3).flat_map(|a| (0..3).map(move |c| (a, c))) {
-                let sum: f64 = self.matrix.blocks[range.clone()].iter().map(|block| block[a][c]).sum();
-                anchors[(3 * a + c) * stride + row] = sum as f32;
-            }
             for (slot, (offset, other)) in self.stencil(id.grid).into_iter().enumerate() {
                 let wrap = |a: usize, i: i32| self.period[a].map_or(i, |cells| i.rem_euclid(cells));
                 let index = std::array::from_fn(|a| wrap(a, id.index[a] + offset[a]));
@@ -142,13 +136,27 @@ impl Sample {
         let narrow = |x: &[f64]| -> Vec<f32> { x.iter().map(|&x| x as f32).collect() };
         system.memory.write(gpu, "columns", 0, &columns);
         system.memory.write(gpu, "values", 0, &values);
-        system.memory.write(gpu, "anchors", 0, &anchors);
+        system.memory.write(gpu, "anchors", 0, &self.anchors(stride));
         system.memory.write(gpu, "ids", 0, &ids);
         system.memory.write(gpu, "freedoms", 0, &freedoms);
         system.memory.write(gpu, "masses", 0, &narrow(&self.masses));
         system.memory.write(gpu, "scales", 0, &narrow(&self.scales));
         write_field(gpu, system.get("dv"), stride, &dense(&self.start));
         system
+    }
+
+    /// Sums of rows, each relative to itself.
+    pub fn anchors(&self, stride: usize) -> Vec<f32> {
+        let mut anchors = vec![0.0f32; 10 * stride];
+        for row in 0..self.rows() {
+            anchors[9 * stride + row] = row as f32;
+            let blocks = &self.matrix.blocks[self.matrix.row_start[row]..self.matrix.row_start[row + 1]];
+            for k in 0..9 {
+                let sum: f64 = blocks.iter().map(|block| block[k / 3][k % 3]).sum();
+                anchors[k * stride + row] = sum as f32;
+            }
+        }
+        anchors
     }
 
     /// The matrix, dense.
