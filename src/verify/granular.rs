@@ -69,8 +69,8 @@ fn friction_of_repose(degrees: f64) -> f64 {
 /// Run-out and height of a column's deposit, over the column's initial length. The column stands in
 /// the lower left corner. The left wall is smooth; the floor holds.
 fn collapse(session: &Session, scheme: Scheme, aspect: f64) -> Result<(f64, f64), EngineError> {
-    // A short column's thin front needs as many cells over its height as the others have.
-    let (width, cells) = (0.1, 16.0 / aspect.min(1.0));
+    // A short column's front is thin: with 32 cells over its length it ends 0.1 lengths early.
+    let (width, cells) = (0.1, if aspect < 1.0 { 48.0 } else { 16.0 });
     let dx = width / cells;
     let slip = json!({ "contact": "slip" });
     let problem = problem(
