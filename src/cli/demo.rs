@@ -18,6 +18,7 @@ use super::run::bar;
 use super::serve::{opener, runtime};
 use super::{CliError, interrupt};
 use gridfall_service::http::{self, Config, Options};
+use gridfall_service::jobs::Settings;
 
 /// Embedded in the program, so that the demo works from any directory.
 const SCENE: &str = include_str!("../../scenes/quickstart.json");
@@ -121,6 +122,7 @@ impl Server {
             data_dir: data_dir.clone(),
             insecure_no_auth: false,
             config: Config::default(),
+            checkpoint_every: Settings::default().checkpoint_every,
             devices: opener(device),
         };
         let (stop, stopped) = oneshot::channel();

@@ -15,7 +15,7 @@ use gridfall_core::sim::setup::{Problem, Setup};
 use gridfall_engine::choice::Devices;
 use gridfall_engine::{Backend, Control, EngineError};
 use gridfall_recording::Appearance;
-use gridfall_recording::run::{self, FrameReport, Observer, Outputs, RunError};
+use gridfall_recording::run::{self, FrameReport, Observer, Outputs, RunError, Subject};
 use gridfall_scene::assets::LocalFiles;
 use gridfall_scene::{self as scene, Limits, Scene, shown};
 
@@ -56,6 +56,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         thumbnail: None,
         diagnostics: arguments.diagnostics,
         solver: arguments.solver_diagnostics,
+        checkpoints: None,
     };
     let device_failure = |error: EngineError| CliError::BadInput(error.to_string());
     let devices =
@@ -72,7 +73,9 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let interrupted = interrupt::flag().map_err(|error| CliError::Failed(error.to_string()))?;
     let started = Instant::now();
     let progress = Progress { bar: bar(u64::from(setup.frames)), interrupted, particles, started };
-    let ran = run::run(&scene.to_json(), &setup, &appearance, engine.as_mut(), &outputs, &progress);
+    let scene_json = scene.to_json();
+    let subject = Subject { scene_json: &scene_json, setup: &setup, appearance: &appearance };
+    let ran = run::run(subject, engine.as_mut(), &outputs, &progress);
     progress.bar.finish_and_clear();
     let summary = ran.map_err(|error| match error {
         RunError::Engine(EngineError::Canceled) => {

@@ -36,6 +36,15 @@ pub struct Arguments {
         value_parser = clap::value_parser!(i64).range(1..)
     )]
     max_queued: i64,
+    /// Save a running job's state this often (s); after a crash it goes on from there.
+    #[arg(
+        long,
+        default_value_t = 30.0,
+        value_name = "SECONDS",
+        value_parser = positive,
+        env = "GRIDFALL_CHECKPOINT_SECONDS"
+    )]
+    checkpoint_seconds: f64,
     #[command(flatten)]
     device: DeviceArguments,
 }
@@ -48,6 +57,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         data_dir: arguments.data_dir,
         insecure_no_auth: arguments.insecure_no_auth,
         config: Config { max_queued: arguments.max_queued, ..Config::default() },
+        checkpoint_every: Duration::from_secs_f64(arguments.checkpoint_seconds),
         devices: opener(arguments.device),
     };
     let runtime = runtime()?;
@@ -65,6 +75,13 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     // Scenes may still be under validation for clients that have gone.
     runtime.shutdown_timeout(Duration::from_millis(100));
     served
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (1e-3..=1e6).contains(&seconds) => Ok(seconds),
+        _ => Err("give seconds between 0.001 and 1,000,000".into()),
+    }
 }
 
 /// How the worker opens its devices.

@@ -1,6 +1,10 @@
 //! What an engine does, whichever device it runs on: the trait, its errors and its controls.
 
+use std::io::{Read, Write};
+
 use serde::{Deserialize, Serialize};
+
+pub use super::state::StateError;
 
 use gridfall_core::sim::particles::Particles;
 pub use gridfall_core::sim::stats::{FrameStats, Solve};
@@ -105,6 +109,16 @@ pub trait Engine {
 
     /// Particle states at the last frame boundary, in sampling order.
     fn snapshot(&mut self) -> Result<Particles, EngineError>;
+
+    /// Writes everything that the coming frames depend on, as it is at the last frame boundary. The engine is as it
+    /// was. The bytes are for [`Self::restore`] of the same build on the same kind of device.
+    fn save(&mut self, to: &mut dyn Write) -> Result<(), StateError>;
+
+    /// Takes over a saved state. This engine has loaded the same problem; what it did since is forgotten. The run goes
+    /// on as the one that was saved would have, to the bit.
+    ///
+    /// Errors: those of `from`, a state of another problem, a lost device. The engine is then not to be used.
+    fn restore(&mut self, from: &mut dyn Read) -> Result<(), StateError>;
 
     /// Hands over the particle states at the last frame boundary in sampling order, in parts of
     /// about `part` particles, so that not all of them have to be in memory beside the engine's

@@ -9,5 +9,6 @@ pub mod gpu;
 pub mod implicit;
 mod keys;
 pub mod programs;
+mod state;
 
-pub use contract::{Backend, Control, Engine, EngineError, FrameStats, NoControl, Solve};
+pub use contract::{Backend, Control, Engine, EngineError, FrameStats, NoControl, Solve, StateError};

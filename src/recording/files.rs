@@ -12,6 +12,8 @@ pub enum RecordingError {
     Mcap { path: PathBuf, source: mcap::McapError },
     #[error("{path} is not a recording: {reason}")]
     Damaged { path: PathBuf, reason: String },
+    #[error("{path} is not a whole checkpoint: {reason}")]
+    Checkpoint { path: PathBuf, reason: String },
 }
 
 impl RecordingError {
@@ -38,10 +40,16 @@ pub fn write_file(target: &Path, bytes: &[u8]) -> Result<(), RecordingError> {
     publish(&partial, target)
 }
 
+/// Waits until a file is on the disk. Returns its length (bytes).
+pub fn sync(path: &Path) -> Result<u64, RecordingError> {
+    let file = std::fs::File::open(path).map_err(RecordingError::io("open", path))?;
+    let length = file.sync_all().and_then(|()| file.metadata()).map_err(RecordingError::io("sync", path))?;
+    Ok(length.len())
+}
+
 /// Makes a written file durable and gives it its final name, atomically for every reader.
 pub fn publish(partial: &Path, target: &Path) -> Result<(), RecordingError> {
-    let file = std::fs::File::open(partial).map_err(RecordingError::io("open", partial))?;
-    file.sync_all().map_err(RecordingError::io("sync", partial))?;
+    sync(partial)?;
     std::fs::rename(partial, target).map_err(RecordingError::io("rename", partial))?;
     // The new name is durable once its directory is synced; only Unix can sync a directory.
     #[cfg(unix)]

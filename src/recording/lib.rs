@@ -7,10 +7,12 @@
 //! [`recover`]). A finished recording is renamed to `NAME.mcap`.
 
 mod appearance;
+pub mod checkpoint;
 mod colliders;
 mod diagnostics;
 mod excerpt;
 mod files;
+mod keeper;
 mod palette;
 mod picture;
 mod points;

@@ -1,23 +1,20 @@
 //! Runs a problem on an engine from the first frame to the last, and writes its results.
 
-use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::Write;
 use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::thread;
 
 use crate::appearance::Appearance;
+use crate::checkpoint::{self, Checkpoint, Draft};
 use crate::excerpt::Excerpt;
-use crate::files::{RecordingError, write_file};
-use crate::picture::thumbnail;
+use crate::files::RecordingError;
+use crate::keeper::Keeper;
 use crate::picture::thumbnail_selection;
-use crate::writer::{Header, Severity, Writer};
-use gridfall_core::sim::diagnostics::{Row, SolverRow, Totals};
+use gridfall_core::sim::diagnostics::{Row, Totals};
 use gridfall_core::sim::inlet::Inlets;
 use gridfall_core::sim::setup::{OutputField, Setup};
-use gridfall_engine::{Control, Engine, EngineError, FrameStats, Solve};
+use gridfall_engine::{Control, Engine, EngineError, FrameStats, Solve, StateError};
 
 /// Where a run's results go.
 #[derive(Clone, Debug)]
@@ -31,6 +28,8 @@ pub struct Outputs {
     /// The steps of the implicit integrator (CSV), written with their frame. An explicit run leaves
     /// only the header.
     pub solver: Option<PathBuf>,
+    /// A folder for checkpoints, which [`Observer::checkpoint_due`] asks for.
+    pub checkpoints: Option<PathBuf>,
 }
 
 /// A frame that was just written.
@@ -52,6 +51,38 @@ pub trait Observer: Control {
     /// Called after each frame, frame 0 included, once it is in the recording. The calling thread
     /// is not the one that started the run.
     fn frame(&self, _report: &FrameReport) {}
+
+    /// Asked at each frame boundary but the first and the last: whether to save the run there.
+    fn checkpoint_due(&self) -> bool {
+        false
+    }
+
+    /// Called once a checkpoint of a frame is on the disk, on the thread that calls [`Self::frame`].
+    fn checkpointed(&self, _frame: u64) {}
+
+    /// A checkpoint could not be written, and why. The run goes on.
+    fn checkpoint_failed(&self, _reason: &str) {}
+
+    /// Asked at each frame boundary, after [`Self::checkpoint_due`]: whether the run ends there, as if canceled.
+    fn pauses(&self) -> bool {
+        false
+    }
+}
+
+/// What is run.
+#[derive(Clone, Copy)]
+pub struct Subject<'a> {
+    /// The scene's document, which goes into the recording.
+    pub scene_json: &'a str,
+    pub setup: &'a Setup,
+    pub appearance: &'a Appearance,
+}
+
+/// What an earlier run of the same subject left.
+#[derive(Clone, Debug)]
+pub struct Earlier {
+    pub checkpoint: Checkpoint,
+    pub outputs: Outputs,
 }
 
 /// The result of a run.
@@ -73,6 +104,24 @@ pub enum RunError {
     Output(#[from] RecordingError),
 }
 
+/// Why a run does not go on from a checkpoint.
+#[derive(Debug, thiserror::Error)]
+pub enum ResumeError {
+    /// It is of another scene, build or device.
+    #[error("{0}")]
+    Foreign(String),
+    #[error(transparent)]
+    State(#[from] StateError),
+    #[error(transparent)]
+    Output(#[from] RecordingError),
+}
+
+impl From<EngineError> for ResumeError {
+    fn from(error: EngineError) -> Self {
+        Self::State(error.into())
+    }
+}
+
 impl RunError {
     /// Stable code for APIs.
     pub fn code(&self) -> &'static str {
@@ -83,26 +132,102 @@ impl RunError {
     }
 }
 
-/// Simulates all frames of `problem`, which `engine` has loaded, and records each. `scene_json` is
-/// the scene's document, which goes into the recording.
-///
-/// The recording is valid whatever happens. A run that fails or is canceled keeps the frames it
-/// has, and its recording and picture get their final names as those of a complete run do.
-///
-/// # Errors
-/// The engine's error (cancellation among them), or that of a file that cannot be written.
+/// A run that has its files, and its engine at the last frame that is in them.
+pub struct Run<'a> {
+    subject: Subject<'a>,
+    outputs: &'a Outputs,
+    keeper: Keeper<'a>,
+    /// The first frame that is to be computed.
+    next: u64,
+}
+
+impl<'a> Run<'a> {
+    /// A run from the start, whose problem `engine` has loaded.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn start(subject: Subject<'a>, engine: &dyn Engine, outputs: &'a Outputs) -> Result<Self, RunError> {
+        let keeper = Keeper::create(subject, engine.backend(), outputs)?;
+        Ok(Self { subject, outputs, keeper, next: 0 })
+    }
+
+    /// A run that goes on from a checkpoint. Its files will be those of a run that was never interrupted. `engine` has
+    /// loaded the problem, and must not be used if this fails.
+    ///
+    /// # Errors
+    /// When what the earlier run left is not whole, or not of this subject; when a file cannot be written.
+    pub fn resume(
+        subject: Subject<'a>,
+        engine: &mut dyn Engine,
+        outputs: &'a Outputs,
+        earlier: &Earlier,
+    ) -> Result<Self, ResumeError> {
+        let key = checkpoint::key(subject.scene_json, engine.backend());
+        earlier.checkpoint.agrees(&key).map_err(ResumeError::Foreign)?;
+        let reached = &earlier.checkpoint.reached;
+        earlier.checkpoint.restore(engine)?;
+        let mut keeper = Keeper::resume(subject, engine.backend(), outputs, earlier)?;
+        // For the picture, if no frame follows.
+        let wanted = Wanted { recorded: keeper.wanted(), still: Vec::new() };
+        let mut inlets = Inlets::new(subject.setup);
+        let stats = FrameStats::default();
+        let frame = Frame::take(subject.setup, engine, &wanted, &mut inlets, reached.frame, stats)?;
+        keeper.show(frame.excerpt);
+        Ok(Self { subject, outputs, keeper, next: reached.frame + 1 })
+    }
+
+    /// Simulates the frames that are left, and records each.
+    ///
+    /// The recording is valid whatever happens. A run that fails or is canceled keeps the frames it
+    /// has, and its recording and picture get their final names as those of a complete run do.
+    ///
+    /// # Errors
+    /// The engine's error (cancellation among them), or that of a file that cannot be written.
+    pub fn execute(self, engine: &mut dyn Engine, observer: &dyn Observer) -> Result<Summary, RunError> {
+        let Self { subject, outputs, mut keeper, next } = self;
+        let still = if outputs.thumbnail.is_some() { thumbnail_selection(subject.setup) } else { Vec::new() };
+        let wanted = Wanted { recorded: keeper.wanted(), still };
+        let outcome = simulate(&mut keeper, engine, outputs, &wanted, next, observer);
+        let kept = keeper.finish(outputs, outcome.as_ref().err());
+        outcome.and(kept)
+    }
+}
+
+/// Simulates all frames of a problem, which `engine` has loaded, and records each: see [`Run::execute`].
 pub fn run(
-    scene_json: &str,
-    setup: &Setup,
-    appearance: &Appearance,
+    subject: Subject,
     engine: &mut dyn Engine,
-    out: &Outputs,
+    outputs: &Outputs,
     observer: &dyn Observer,
 ) -> Result<Summary, RunError> {
-    let mut keeper = Keeper::create(setup, appearance, engine, out, scene_json)?;
-    let outcome = keeper.simulate(engine, out, observer);
-    let kept = keeper.finish(out, outcome.as_ref().err());
-    outcome.and(kept)
+    Run::start(subject, engine, outputs)?.execute(engine, observer)
+}
+
+/// Steps and measures on this thread. Each frame is recorded on another thread while the next one is computed.
+fn simulate(
+    keeper: &mut Keeper,
+    engine: &mut dyn Engine,
+    outputs: &Outputs,
+    wanted: &Wanted,
+    next: u64,
+    observer: &dyn Observer,
+) -> Result<Summary, RunError> {
+    let setup = keeper.setup();
+    // Unbuffered, so that excerpts of at most two frames are in memory.
+    let (sender, receiver) = mpsc::sync_channel(0);
+    let (stepped, kept) = thread::scope(|scope| {
+        let keeping = scope.spawn(|| -> Result<(), RunError> {
+            receiver.into_iter().try_for_each(|frame| keeper.keep(frame, observer))?;
+            Ok(())
+        });
+        let checkpoints = outputs.checkpoints.as_deref();
+        let stepped = step(setup, engine, wanted, checkpoints, next, observer, |frame| sender.send(frame).is_ok());
+        drop(sender);
+        (stepped, keeping.join().unwrap_or_else(|panic| resume_unwind(panic)))
+    });
+    kept?;
+    stepped?;
+    Ok(keeper.summary())
 }
 
 /// Simulates the frame after frame boundary `frame`: what sources emit then, and the motion of all
@@ -121,13 +246,15 @@ pub fn advance(
 }
 
 /// What is kept of a frame. Nothing else leaves the engine's thread.
-struct Frame {
-    row: Row,
-    solves: Vec<Solve>,
+pub(crate) struct Frame {
+    pub row: Row,
+    pub solves: Vec<Solve>,
     /// Excerpt of the writer's selection.
-    excerpt: Excerpt,
+    pub excerpt: Excerpt,
     /// Excerpt of the picture's selection, in the last frame.
-    still: Option<Excerpt>,
+    pub still: Option<Excerpt>,
+    /// The state at its end, where a checkpoint was due.
+    pub draft: Option<Draft>,
 }
 
 /// Selections of particles, by index in sampling order.
@@ -139,6 +266,11 @@ struct Wanted {
 
 /// Number of parts in which a frame's particles leave the engine.
 const PARTS: usize = 16;
+
+/// Particles of one such part.
+fn part(setup: &Setup) -> usize {
+    (setup.total_particles() / PARTS).max(1 << 16).next_multiple_of(Totals::PART)
+}
 
 impl Frame {
     /// Measures the engine's current frame and takes the excerpts that are wanted.
@@ -157,8 +289,7 @@ impl Frame {
         let mut excerpt = Excerpt::of(&wanted.recorded, deformation);
         let last = frame == u64::from(setup.frames) && !wanted.still.is_empty();
         let mut still = last.then(|| Excerpt::of(&wanted.still, false));
-        let part = (setup.total_particles() / PARTS).max(1 << 16).next_multiple_of(Totals::PART);
-        engine.visit(part, &mut |first, particles| {
+        engine.visit(part(setup), &mut |first, particles| {
             totals.add(setup, &particles);
             inlets.add(&particles.x, &particles.body);
             excerpt.take(&wanted.recorded, first, &particles);
@@ -167,7 +298,7 @@ impl Frame {
             }
         })?;
         let row = totals.row(setup, frame, frame as f64 * setup.frame_s, &stats);
-        Ok(Self { row, solves: stats.solves, excerpt, still })
+        Ok(Self { row, solves: stats.solves, excerpt, still, draft: None })
     }
 }
 
@@ -183,17 +314,23 @@ fn refuse_full(setup: &Setup, inlets: &Inlets, frame: u32) -> Result<(), EngineE
     Err(EngineError::VesselFull { time_s, what })
 }
 
-/// Computes all frames and passes each to `take`, until it refuses one.
+/// Computes the frames from `next` on and passes each to `take`, until it refuses one.
 fn step(
     setup: &Setup,
     engine: &mut dyn Engine,
     wanted: &Wanted,
+    checkpoints: Option<&Path>,
+    next: u64,
     observer: &dyn Observer,
     take: impl Fn(Frame) -> bool,
 ) -> Result<(), EngineError> {
-    let mut stats = FrameStats::default();
     let mut inlets = Inlets::new(setup);
-    for frame in 0..=u64::from(setup.frames) {
+    if next > 0 {
+        // What the frame before, which this engine has not computed, says of them.
+        engine.visit(part(setup), &mut |_, particles| inlets.add(&particles.x, &particles.body))?;
+    }
+    for frame in next..=u64::from(setup.frames) {
+        let mut stats = FrameStats::default();
         if frame > 0 {
             if observer.canceled() {
                 return Err(EngineError::Canceled);
@@ -201,167 +338,23 @@ fn step(
             refuse_full(setup, &inlets, frame as u32 - 1)?;
             stats = advance(setup, engine, frame as u32 - 1, observer)?;
         }
-        if !take(Frame::take(setup, engine, wanted, &mut inlets, frame, std::mem::take(&mut stats))?) {
+        let mut taken = Frame::take(setup, engine, wanted, &mut inlets, frame, stats)?;
+        let between = frame > 0 && frame < u64::from(setup.frames);
+        if let Some(dir) = checkpoints.filter(|_| between && observer.checkpoint_due()) {
+            match Draft::write(dir, frame, engine) {
+                Ok(draft) => taken.draft = Some(draft),
+                Err(StateError::Engine(error)) => return Err(error),
+                Err(StateError::Io(error)) => {
+                    observer.checkpoint_failed(&format!("cannot write to {}: {error}", dir.display()));
+                }
+            }
+        }
+        if !take(taken) {
             break;
+        }
+        if between && observer.pauses() {
+            return Err(EngineError::Canceled);
         }
     }
     Ok(())
-}
-
-/// A CSV that grows by whole lines.
-struct Table {
-    file: File,
-    path: PathBuf,
-}
-
-impl Table {
-    fn create(path: &Path, header: String) -> Result<Self, RecordingError> {
-        let file = File::create(path).map_err(RecordingError::io("create", path))?;
-        let mut table = Self { file, path: path.to_owned() };
-        table.line(&header)?;
-        Ok(table)
-    }
-
-    fn line(&mut self, line: &str) -> Result<(), RecordingError> {
-        self.file.write_all(format!("{line}\n").as_bytes()).map_err(RecordingError::io("write", &self.path))
-    }
-}
-
-/// The warning about a frame with implicit steps that did not converge to the tolerance.
-fn unconverged(solves: &[Solve], tolerance: f64) -> Option<String> {
-    let failed = || solves.iter().filter(|solve| !solve.converged);
-    let worst = failed().max_by(|a, b| a.residual.total_cmp(&b.residual))?;
-    Some(format!(
-        "{} of {} implicit steps did not converge to {tolerance:e}: at worst the step to t = {:.6} s, \
-         with a residual of {:.1e} after {} iterations",
-        failed().count(),
-        solves.len(),
-        worst.time_s,
-        worst.residual,
-        worst.iterations
-    ))
-}
-
-/// The files of a run.
-struct Keeper<'a> {
-    setup: &'a Setup,
-    appearance: &'a Appearance,
-    writer: Writer,
-    csv: Option<Table>,
-    solver: Option<Table>,
-    summary: Summary,
-    /// Used for the picture.
-    last: Option<Excerpt>,
-}
-
-impl<'a> Keeper<'a> {
-    fn create(
-        setup: &'a Setup,
-        appearance: &'a Appearance,
-        engine: &dyn Engine,
-        out: &Outputs,
-        scene_json: &str,
-    ) -> Result<Self, RunError> {
-        let backend = engine.backend();
-        let mut writer = Writer::create(&out.recording, &Header { setup, appearance, scene_json, backend })?;
-        let (name, particles) = (&setup.name, setup.total_particles());
-        let device = &backend.device;
-        writer.log(Severity::Info, format!("{name}: {particles} particles on {device} ({})", backend.reason));
-        let integrator = setup.integrator.name();
-        writer.log(Severity::Info, format!("{integrator} integration: {}", setup.integrator_reason));
-        for notice in &setup.notices {
-            writer.log(Severity::Warning, notice.to_string());
-        }
-        let table =
-            |path: &Option<PathBuf>, header: String| path.as_ref().map(|p| Table::create(p, header)).transpose();
-        let csv = table(&out.diagnostics, Row::csv_header(setup))?;
-        let solver = table(&out.solver, SolverRow::csv_header())?;
-        Ok(Self { setup, appearance, writer, csv, solver, summary: Summary::default(), last: None })
-    }
-
-    /// Steps and measures on this thread. Each frame is recorded on another thread while the next
-    /// one is computed.
-    fn simulate(
-        &mut self,
-        engine: &mut dyn Engine,
-        out: &Outputs,
-        observer: &dyn Observer,
-    ) -> Result<Summary, RunError> {
-        let setup = self.setup;
-        let still = if out.thumbnail.is_some() { thumbnail_selection(setup) } else { Vec::new() };
-        let wanted = Wanted { recorded: self.writer.wanted().to_vec(), still };
-        // Unbuffered, so that excerpts of at most two frames are in memory.
-        let (sender, receiver) = mpsc::sync_channel(0);
-        let keeper = &mut *self;
-        let (stepped, kept) = thread::scope(|scope| {
-            let keeping = scope.spawn(move || -> Result<(), RunError> {
-                receiver.into_iter().try_for_each(|frame| keeper.keep(frame, observer))
-            });
-            let stepped = step(setup, engine, &wanted, observer, |frame| sender.send(frame).is_ok());
-            drop(sender);
-            (stepped, keeping.join().unwrap_or_else(|panic| resume_unwind(panic)))
-        });
-        kept?;
-        stepped?;
-        Ok(self.summary)
-    }
-
-    /// Records a frame.
-    fn keep(&mut self, frame: Frame, observer: &dyn Observer) -> Result<(), RunError> {
-        self.last = None;
-        let Frame { row, solves, excerpt, still } = frame;
-        let setup = self.setup;
-        if row.isolated_reset > 0 {
-            let message = format!("{} particles were alone on their nodes and were reset", row.isolated_reset);
-            self.writer.log(Severity::Warning, message);
-        }
-        if let Some(message) = unconverged(&solves, setup.implicit.tolerance()) {
-            self.writer.log(Severity::Warning, message);
-        }
-        let steps = SolverRow::of_frame(row.frame, self.summary.steps, &solves);
-        self.writer.frame(setup, &excerpt, &row, &steps)?;
-        if let Some(table) = &mut self.csv {
-            table.line(&row.csv())?;
-        }
-        if let Some(table) = &mut self.solver {
-            steps.iter().try_for_each(|step| table.line(&step.csv()))?;
-        }
-        self.last = still.or(Some(excerpt));
-        let steps = self.summary.steps + row.steps;
-        self.summary = Summary { frames_written: row.frame + 1, steps, time_s: row.time_s };
-        observer.frame(&FrameReport {
-            frame: row.frame,
-            frames: setup.frames.into(),
-            time_s: row.time_s,
-            end_s: f64::from(setup.frames) * setup.frame_s,
-            steps,
-            row: &row,
-        });
-        Ok(())
-    }
-
-    /// Completes all files, whether or not the run was complete.
-    fn finish(mut self, out: &Outputs, failure: Option<&RunError>) -> Result<Summary, RunError> {
-        let Summary { frames_written, steps, time_s } = self.summary;
-        let (status, severity, message) = match failure {
-            None => ("complete", Severity::Info, format!("complete: {frames_written} frames, {steps} steps")),
-            Some(RunError::Engine(EngineError::Canceled)) => ("canceled", Severity::Warning, "canceled".into()),
-            Some(error) => ("failed", Severity::Error, error.to_string()),
-        };
-        self.writer.log(severity, message.clone());
-        let entries = [
-            ("status", status.to_owned()),
-            ("message", message),
-            ("frames", frames_written.to_string()),
-            ("steps", steps.to_string()),
-            ("time_s", time_s.to_string()),
-            ("dt_s", if steps > 0 { time_s / steps as f64 } else { 0.0 }.to_string()),
-        ];
-        let result = BTreeMap::from(entries.map(|(key, value)| (key.to_owned(), value)));
-        self.writer.finish(result)?;
-        if let (Some(path), Some(particles)) = (&out.thumbnail, &self.last) {
-            write_file(path, &thumbnail(self.setup, self.appearance, particles, time_s))?;
-        }
-        Ok(self.summary)
-    }
 }

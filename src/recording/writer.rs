@@ -3,19 +3,20 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufWriter, Read};
 use std::path::{Path, PathBuf};
 
 use foxglove::Encode;
 use foxglove::messages::log::Level;
 use foxglove::messages::{self, CompressedImage, Log, Timestamp};
-use mcap::records::MessageHeader;
+use mcap::records::{MessageHeader, Record, op};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::write::NoSeek;
 use mcap::{Attachment, McapError, WriteOptions};
 use sha2::{Digest, Sha256};
 
 use super::colliders::WORLD;
-use super::files::{RecordingError, partial_path, publish};
+use super::files::{RecordingError, partial_path, publish, sync};
 use super::picture::Camera;
 use super::points::Points;
 use super::{colliders, diagnostics};
@@ -129,6 +130,82 @@ impl Writer {
             }),
             Err(source) => Err(RecordingError::Mcap { path: partial, source }),
         }
+    }
+
+    /// Starts a recording as [`Self::create`] does, with the frames up to `frame`, at `time_s`, of one that the same
+    /// header began. They are in the first `length` bytes of the file `earlier`; they are written as they were written
+    /// there, so that the bytes are the same.
+    ///
+    /// # Errors
+    /// When a file cannot be read or written, or `earlier` does not have these frames.
+    pub fn resume(
+        target: &Path,
+        header: &Header,
+        earlier: &Path,
+        length: u64,
+        (frame, time_s): (u64, f64),
+    ) -> Result<Self, RecordingError> {
+        let mut writer = Self::create(target, header)?;
+        let frames = writer.replay(earlier, length)?;
+        if frames != frame + 1 {
+            let reason = format!("it has {frames} frames in {length} bytes, of {} that it should have", frame + 1);
+            return Err(RecordingError::Damaged { path: earlier.to_owned(), reason });
+        }
+        writer.now = (frame as u32, stamp(time_s).0);
+        writer.present = Some(colliders::present(header.setup, time_s));
+        if writer.length()? != length {
+            let reason = "its frames are not what this build writes".to_owned();
+            return Err(RecordingError::Damaged { path: earlier.to_owned(), reason });
+        }
+        Ok(writer)
+    }
+
+    /// Writes the messages of another recording. Returns the number of frames.
+    fn replay(&mut self, earlier: &Path, length: u64) -> Result<u64, RecordingError> {
+        let damaged =
+            |error: McapError| RecordingError::Damaged { path: earlier.to_owned(), reason: error.to_string() };
+        let mut file = File::open(earlier).map_err(RecordingError::io("open", earlier))?.take(length);
+        let options = LinearReaderOptions::default().with_skip_end_magic(true).with_validate_chunk_crcs(true);
+        let mut reader = LinearReader::new_with_options(options);
+        let mut frames = 0;
+        while let Some(event) = reader.next_event() {
+            match event.map_err(damaged)? {
+                LinearReadEvent::ReadRequest(need) => {
+                    let read = file.read(reader.insert(need)).map_err(RecordingError::io("read", earlier))?;
+                    reader.notify_read(read);
+                }
+                LinearReadEvent::Record { opcode: op::MESSAGE, data } => {
+                    let Record::Message { header, data } = mcap::parse_record(op::MESSAGE, data).map_err(damaged)?
+                    else {
+                        continue;
+                    };
+                    self.mcap.write_to_known_channel(&header, &data).map_err(|source| self.error(source))?;
+                    if header.channel_id == self.channels.diagnostics {
+                        self.mcap.flush().map_err(|source| self.error(source))?;
+                        frames += 1;
+                    }
+                }
+                LinearReadEvent::Record { .. } => {}
+            }
+        }
+        Ok(frames)
+    }
+
+    /// Length of the file so far (bytes), after [`Self::frame`].
+    ///
+    /// # Errors
+    /// When the file cannot be looked at.
+    pub fn length(&self) -> Result<u64, RecordingError> {
+        let metadata = std::fs::metadata(&self.partial).map_err(RecordingError::io("look at", &self.partial))?;
+        Ok(metadata.len())
+    }
+
+    /// Waits until the frames so far are on the disk. Returns the length of the file (bytes).
+    ///
+    /// # Errors
+    /// When the file cannot be synced.
+    pub fn sync(&self) -> Result<u64, RecordingError> {
+        sync(&self.partial)
     }
 
     /// The selection whose excerpts [`Self::frame`] takes, ascending.

@@ -1,5 +1,6 @@
 //! The worker survives faults of engines, and every job that it takes ends.
 
+use std::io::{Read, Write};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -7,9 +8,8 @@ use std::time::{Duration, Instant};
 
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Setup;
-use gridfall_engine::{Backend, Control, Engine, EngineError, FrameStats};
-use gridfall_scene::Limits;
-use gridfall_service::jobs::{DeviceState, EngineSource, OpenDevices, Worker};
+use gridfall_engine::{Backend, Control, Engine, EngineError, FrameStats, StateError};
+use gridfall_service::jobs::{DeviceState, EngineSource, OpenDevices, Settings, Worker};
 use gridfall_service::store::{DataDir, Job, JobStore, NewJob, Status, Submission};
 use uuid::Uuid;
 
@@ -66,6 +66,17 @@ impl Engine for Fake {
     fn snapshot(&mut self) -> Result<Particles, EngineError> {
         Ok(self.particles.clone())
     }
+
+    fn save(&mut self, to: &mut dyn Write) -> Result<(), StateError> {
+        Ok(to.write_all(&self.frame.to_le_bytes())?)
+    }
+
+    fn restore(&mut self, from: &mut dyn Read) -> Result<(), StateError> {
+        let mut frame = [0; 4];
+        from.read_exact(&mut frame)?;
+        self.frame = u32::from_le_bytes(frame);
+        Ok(())
+    }
 }
 
 /// Engines with the given fates, in order; the last fate applies to all that follow.
@@ -115,7 +126,7 @@ impl Bench {
             }
             Ok(Box::new(Fakes { fates: fates.clone(), loaded: loaded.clone() }) as Box<dyn EngineSource>)
         });
-        let worker = Worker::start(store.clone(), data.clone(), Limits::default(), open).await.unwrap();
+        let worker = Worker::start(store.clone(), data.clone(), Settings::default(), open).await.unwrap();
         Self { _dir: dir, data, store, worker, opened }
     }
 
@@ -171,11 +182,11 @@ async fn a_panic_fails_its_job_and_the_next_one_runs_on_fresh_devices() {
     assert_eq!((job.status, failure.code.as_str()), (Status::Failed, "internal"));
     assert!(failure.message.contains("out of bounds"), "{failure:?}");
     // Frames 0 and 1 were written before the panic.
-    assert_eq!(frames(&bench.data.job(job.id).recording()), 2);
+    assert_eq!(frames(&bench.data.job(job.id).attempt(job.attempt).recording()), 2);
 
     let next = bench.ended(bench.submit().await).await;
     assert_eq!((next.status, next.attempt), (Status::Succeeded, 1));
-    assert_eq!(frames(&bench.data.job(next.id).recording()), 4);
+    assert_eq!(frames(&bench.data.job(next.id).attempt(next.attempt).recording()), 4);
     assert_eq!(bench.opened(), 2);
     bench.worker.stop(Duration::from_secs(60)).await;
 }
@@ -185,7 +196,7 @@ async fn a_failure_of_the_scene_has_the_engines_code_and_keeps_the_frames_before
     let bench = Bench::start(&[Fate::Diverge, Fate::GoOn], 0).await;
     let job = bench.ended(bench.submit().await).await;
     assert_eq!((job.status, job.failure.unwrap().code.as_str()), (Status::Failed, "diverged"));
-    assert_eq!(frames(&bench.data.job(job.id).recording()), 2);
+    assert_eq!(frames(&bench.data.job(job.id).attempt(job.attempt).recording()), 2);
     assert_eq!(bench.ended(bench.submit().await).await.status, Status::Succeeded);
     assert_eq!(bench.opened(), 1, "the devices had no part in it");
     bench.worker.stop(Duration::from_secs(60)).await;
@@ -196,7 +207,7 @@ async fn a_job_is_tried_again_after_a_lost_device_and_fails_with_the_second_one(
     let bench = Bench::start(&[Fate::LoseDevice, Fate::GoOn, Fate::LoseDevice, Fate::LoseDevice, Fate::GoOn], 0).await;
     let job = bench.ended(bench.submit().await).await;
     assert_eq!((job.status, job.attempt), (Status::Succeeded, 2));
-    assert_eq!(frames(&bench.data.job(job.id).recording()), 4);
+    assert_eq!(frames(&bench.data.job(job.id).attempt(job.attempt).recording()), 4);
 
     let job = bench.ended(bench.submit().await).await;
     let failure = job.failure.unwrap();

@@ -17,5 +17,6 @@ mod implicit_order;
 mod isolated;
 mod layout;
 mod meeting;
+mod resumed;
 mod shapes;
 mod sides;

@@ -2,9 +2,11 @@
 //! shorter one. Which device, only the [`Stepper`] knows.
 
 use std::borrow::Cow;
+use std::io::{Read, Write};
 
 use super::step::{FARTHEST_DX, max_speed_m_s, next_dt_s};
-use crate::contract::{Backend, Control, Engine, EngineError, FrameStats, Solve};
+use crate::contract::{Backend, Control, Engine, EngineError, FrameStats, Solve, StateError};
+use crate::state::{get_one, put};
 use gridfall_core::sim::divergence::{describe, worst};
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
@@ -51,6 +53,12 @@ pub(crate) trait Stepper {
 
     /// Particles at the end of the last step that was kept.
     fn snapshot(&self) -> Result<Particles, EngineError>;
+
+    /// Writes what the next step starts from.
+    fn save(&self, to: &mut dyn Write) -> Result<(), StateError>;
+
+    /// Takes over what was saved.
+    fn restore(&mut self, from: &mut dyn Read) -> Result<(), StateError>;
 }
 
 /// What the particles did in a step.
@@ -244,6 +252,17 @@ impl Engine for ImplicitEngine {
 
     fn snapshot(&mut self) -> Result<Particles, EngineError> {
         self.stepper.snapshot()
+    }
+
+    fn save(&mut self, to: &mut dyn Write) -> Result<(), StateError> {
+        put(to, &[self.step])?;
+        put(to, &[self.time_s, self.max_speed_m_s])?;
+        self.stepper.save(to)
+    }
+
+    fn restore(&mut self, from: &mut dyn Read) -> Result<(), StateError> {
+        (self.step, self.time_s, self.max_speed_m_s) = (get_one(from)?, get_one(from)?, get_one(from)?);
+        self.stepper.restore(from)
     }
 }
 

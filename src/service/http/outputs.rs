@@ -20,7 +20,7 @@ use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::range::{Selection, entity_tag_matches, not_modified, select};
 use super::state::Api;
-use crate::store::{JobFiles, Status};
+use crate::store::{AttemptFiles, Status};
 use gridfall_recording::{self as recording, RecordingError};
 
 /// The recording (MCAP). Of a job that has ended: the file, by ranges if asked. Of a running one: a
@@ -62,7 +62,7 @@ pub async fn recording(
 }
 
 /// The frames so far as a complete recording; `None` before the first one is written.
-async fn snapshot(files: &JobFiles, name: &str) -> Result<Option<Response>, Problem> {
+async fn snapshot(files: &AttemptFiles, name: &str) -> Result<Option<Response>, Problem> {
     let path = files.partial_recording();
     let Some(file) = found(File::open(&path).await)? else { return Ok(None) };
     let snapshot = match tokio::task::spawn_blocking(move || recording::snapshot(&path)).await.map_err(internal)? {
@@ -155,12 +155,12 @@ fn rows(csv: &str) -> Vec<serde_json::Value> {
 }
 
 /// The files of a job that has started.
-async fn find(api: &Api, id: Uuid) -> Result<(JobFiles, Status), Problem> {
+async fn find(api: &Api, id: Uuid) -> Result<(AttemptFiles, Status), Problem> {
     let job = api.store.get(id).await?.ok_or_else(|| Problem::job_not_found(id))?;
     if job.status == Status::Queued {
         return Err(missing("output", job.status));
     }
-    Ok((api.data.job(id), job.status))
+    Ok((api.data.job(id).attempt(job.attempt), job.status))
 }
 
 fn missing(what: &str, status: Status) -> Problem {

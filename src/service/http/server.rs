@@ -12,7 +12,7 @@ use tokio::sync::oneshot;
 
 use super::router::router;
 use super::state::{Api, Config};
-use crate::jobs::{OpenDevices, Worker};
+use crate::jobs::{OpenDevices, Settings, Worker};
 use crate::store::{DataDir, JobStore, StoreError};
 
 /// How long open connections may continue after shutdown was requested. Downloads are then cut off.
@@ -27,6 +27,8 @@ pub struct Options {
     /// Accept a `listen` address that other machines can reach, although clients need no key.
     pub insecure_no_auth: bool,
     pub config: Config,
+    /// Wall time between checkpoints.
+    pub checkpoint_every: Duration,
     pub devices: OpenDevices,
 }
 
@@ -60,7 +62,7 @@ pub async fn serve(
     listening: impl FnOnce(SocketAddr),
     shutdown: impl Future<Output = ()> + Send + 'static,
 ) -> Result<(), ServeError> {
-    let Options { listen, data_dir, insecure_no_auth, config, devices } = options;
+    let Options { listen, data_dir, insecure_no_auth, config, checkpoint_every, devices } = options;
     if !listen.ip().is_loopback() {
         if !insecure_no_auth {
             return Err(ServeError::OpenToStrangers(listen));
@@ -71,7 +73,8 @@ pub async fn serve(
     let store = JobStore::open(&data.database()).await?;
     let listener = TcpListener::bind(listen).await.map_err(|error| ServeError::Listen { address: listen, error })?;
     let address = listener.local_addr().map_err(ServeError::Serve)?;
-    let worker = Worker::start(store.clone(), data.clone(), config.limits, devices).await?;
+    let settings = Settings { limits: config.limits, checkpoint_every };
+    let worker = Worker::start(store.clone(), data.clone(), settings, devices).await?;
     let app = router(Api::new(store.clone(), data, worker.shared(), config));
 
     let (asked, end) = oneshot::channel();

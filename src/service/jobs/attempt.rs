@@ -2,24 +2,18 @@
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock};
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
-use tokio::sync::Notify;
-use tokio::time::timeout;
-
+use super::watch::{Follower, Watch, heartbeat};
 use super::worker::Context;
-use super::{EngineSource, Shared};
-use crate::store::{Claim, Failure, JobFiles, JobStore, Outcome, Progress};
+use super::{EngineSource, log, resume};
+use crate::store::{AttemptFiles, Claim, Failure, JobFiles, Outcome};
 use gridfall_core::sim::setup::Problem;
-use gridfall_engine::{Control, EngineError};
+use gridfall_engine::{EngineError, StateError};
 use gridfall_recording::Appearance;
-use gridfall_recording::run::{self, FrameReport, Observer, Outputs, RunError};
+use gridfall_recording::run::{Outputs, ResumeError, Run, RunError, Subject};
 use gridfall_scene::{self as scene, Fault};
-
-/// How often progress is written and cancellation is checked.
-const HEARTBEAT: Duration = Duration::from_millis(250);
 
 /// How an attempt ended.
 #[derive(Debug)]
@@ -30,6 +24,19 @@ pub(super) enum Ending {
     Lost(Failure),
     /// The server is stopping.
     Stopped,
+}
+
+impl Ending {
+    /// In a sentence.
+    pub fn describe(&self) -> String {
+        match self {
+            Self::Finished { outcome: Outcome::Succeeded, .. } => "succeeded".into(),
+            Self::Finished { outcome: Outcome::Canceled, .. } => "canceled".into(),
+            Self::Finished { outcome: Outcome::Failed(failure), .. } => format!("failed: {}", failure.message),
+            Self::Lost(failure) => format!("lost its device: {}", failure.message),
+            Self::Stopped => "stopped with the server".into(),
+        }
+    }
 }
 
 impl From<Outcome> for Ending {
@@ -102,101 +109,55 @@ fn execute(
     source: &dyn EngineSource,
     watch: &Watch,
 ) -> Result<(), Stop> {
-    files.reset().map_err(|error| Stop::Failed(Failure::new("output", format!("no room for outputs: {error}"))))?;
+    let own = files.attempt(claim.attempt);
+    own.create().map_err(|error| Stop::Failed(Failure::new("output", format!("no room for outputs: {error}"))))?;
     let scene = scene::parse(&claim.scene)?;
-    let Problem { setup, particles } = scene::problem_with(&scene, &context.limits, &context.data.assets())?;
-    let appearance = Appearance::new(&setup, &particles);
-    let mut engine = source.engine(&setup, particles)?;
-    let noted = context.store.set_backend(claim.id, claim.attempt, engine.backend());
-    if let Err(error) = context.runtime.block_on(noted) {
-        tracing::warn!(job = %claim.id, %error, "cannot note the device");
+    let scene_json = scene.to_json();
+    let outputs = outputs(&own);
+    let mut earlier = resume::candidates(files, claim.attempt).into_iter();
+    loop {
+        let earlier = earlier.next();
+        // Anew for each: what a state that cannot be restored leaves is not to be used.
+        let Problem { setup, particles } = scene::problem_with(&scene, &context.limits(), &context.data.assets())?;
+        let appearance = Appearance::new(&setup, &particles);
+        let mut engine = source.engine(&setup, particles)?;
+        let noted = context.store.set_backend(claim.id, claim.attempt, engine.backend());
+        if let Err(error) = context.runtime.block_on(noted) {
+            tracing::warn!(job = %claim.id, %error, "cannot note the device");
+        }
+        let device = engine.backend().device.clone();
+        watch.loaded(setup.total_particles() as u64);
+        let subject = Subject { scene_json: &scene_json, setup: &setup, appearance: &appearance };
+        let run = match &earlier {
+            None => Run::start(subject, engine.as_ref(), &outputs)?,
+            Some(earlier) => match Run::resume(subject, engine.as_mut(), &outputs, earlier) {
+                Ok(run) => run,
+                Err(ResumeError::State(StateError::Engine(error))) => return Err(error.into()),
+                Err(error) => {
+                    let frame = earlier.checkpoint.reached.frame;
+                    log::note(files, &format!("the checkpoint of frame {frame} is not used: {error}"));
+                    continue;
+                }
+            },
+        };
+        let from = earlier.map(|earlier| earlier.checkpoint.reached);
+        let start = from.as_ref().map_or("from the start".into(), |from| format!("after frame {}", from.frame));
+        log::note(files, &format!("attempt {} runs {start} on {device}", claim.attempt));
+        watch.reached(&setup, from.as_ref());
+        let follower = Follower::new(context, claim, files, watch);
+        run.execute(engine.as_mut(), &follower)?;
+        return Ok(());
     }
-    watch.loaded(setup.total_particles() as u64);
-    let outputs = Outputs {
+}
+
+/// Where the results of an attempt go.
+pub(super) fn outputs(files: &AttemptFiles) -> Outputs {
+    Outputs {
         recording: files.recording(),
         thumbnail: Some(files.thumbnail()),
         diagnostics: Some(files.diagnostics()),
         solver: Some(files.solver()),
-    };
-    run::run(&scene.to_json(), &setup, &appearance, engine.as_mut(), &outputs, watch)?;
-    Ok(())
-}
-
-/// Writes progress and passes on requests to cancel, until the attempt has ended.
-async fn heartbeat(store: JobStore, claim: Claim, watch: Arc<Watch>) {
-    loop {
-        let ended = timeout(HEARTBEAT, watch.ended.notified()).await.is_ok();
-        match store.heartbeat(claim.id, claim.attempt, &watch.progress()).await {
-            Ok(true) => {}
-            Ok(false) => watch.canceled.store(true, Ordering::Relaxed),
-            Err(error) => tracing::warn!(job = %claim.id, %error, "cannot write progress"),
-        }
-        if ended {
-            return;
-        }
-    }
-}
-
-/// What the engine's thread and the heartbeat share.
-struct Watch {
-    shared: Arc<Shared>,
-    canceled: AtomicBool,
-    ended: Notify,
-    /// Number of particles, and when they were loaded.
-    loaded: OnceLock<(u64, Instant)>,
-    step: AtomicU64,
-    /// Bits of an f64.
-    sim_time_s: AtomicU64,
-    frames_written: AtomicU64,
-}
-
-impl Watch {
-    fn new(shared: Arc<Shared>) -> Self {
-        Self {
-            shared,
-            canceled: AtomicBool::new(false),
-            ended: Notify::new(),
-            loaded: OnceLock::new(),
-            step: AtomicU64::new(0),
-            sim_time_s: AtomicU64::new(0),
-            frames_written: AtomicU64::new(0),
-        }
-    }
-
-    fn loaded(&self, particles: u64) {
-        // An attempt loads its problem once.
-        let _ = self.loaded.set((particles, Instant::now()));
-    }
-
-    fn progress(&self) -> Progress {
-        Progress {
-            sim_time_s: f64::from_bits(self.sim_time_s.load(Ordering::Relaxed)),
-            step: self.step.load(Ordering::Relaxed),
-            frames_written: self.frames_written.load(Ordering::Relaxed),
-            run_s: self.loaded.get().map_or(0.0, |(_, since)| since.elapsed().as_secs_f64()),
-        }
-    }
-}
-
-impl Control for Watch {
-    fn canceled(&self) -> bool {
-        self.canceled.load(Ordering::Relaxed) || self.shared.stopping()
-    }
-
-    fn progress(&self, step: u64, time_s: f64) {
-        let done = step.saturating_sub(self.step.swap(step, Ordering::Relaxed));
-        self.sim_time_s.store(time_s.to_bits(), Ordering::Relaxed);
-        let particles = self.loaded.get().map_or(0, |(particles, _)| *particles);
-        self.shared.counters.steps.inc_by(done);
-        self.shared.counters.particle_steps.inc_by(done * particles);
-    }
-}
-
-impl Observer for Watch {
-    fn frame(&self, report: &FrameReport) {
-        Control::progress(self, report.steps, report.time_s);
-        self.frames_written.store(report.frame + 1, Ordering::Relaxed);
-        self.shared.counters.frames.inc();
+        checkpoints: Some(files.checkpoints()),
     }
 }
 

@@ -3,10 +3,13 @@
 
 pub mod admission;
 mod attempt;
+mod log;
+mod resume;
+mod watch;
 mod worker;
 
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, OnceLock};
+use std::time::{Duration, Instant};
 
 use prometheus_client::encoding::{EncodeLabelSet, EncodeLabelValue, LabelValueEncoder};
 use prometheus_client::metrics::counter::Counter;
@@ -14,7 +17,7 @@ use prometheus_client::metrics::family::Family;
 use tokio::sync::Notify;
 
 pub use attempt::panic_message;
-pub use worker::Worker;
+pub use worker::{Settings, Worker};
 
 use crate::store::Status;
 use gridfall_core::sim::particles::Particles;
@@ -59,11 +62,15 @@ pub enum DeviceState {
     Stopped,
 }
 
+/// How long a run may take to reach the end of its frame, where it saves its state, when the server stops.
+const GRACE: Duration = Duration::from_secs(3);
+
 /// What the worker and the rest of the server share.
 #[derive(Debug)]
 pub struct Shared {
     wake: Notify,
-    stop: AtomicBool,
+    /// When the worker was asked to stop.
+    stop: OnceLock<Instant>,
     device: Mutex<DeviceState>,
     pub counters: Counters,
 }
@@ -72,7 +79,7 @@ impl Default for Shared {
     fn default() -> Self {
         Self {
             wake: Notify::new(),
-            stop: AtomicBool::new(false),
+            stop: OnceLock::new(),
             device: Mutex::new(DeviceState::Opening),
             counters: Counters::default(),
         }
@@ -87,7 +94,8 @@ impl Shared {
 
     /// Asks the worker to put its job back and to end.
     pub fn stop(&self) {
-        self.stop.store(true, Ordering::Relaxed);
+        // Asked again, it has stopped since the first time.
+        let _ = self.stop.set(Instant::now());
         self.wake.notify_one();
     }
 
@@ -96,7 +104,12 @@ impl Shared {
     }
 
     fn stopping(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
+        self.stop.get().is_some()
+    }
+
+    /// Whether the frame at hand has had its time to end.
+    fn must_stop(&self) -> bool {
+        self.stop.get().is_some_and(|since| since.elapsed() > GRACE)
     }
 
     fn set_device(&self, state: DeviceState) {

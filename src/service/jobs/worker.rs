@@ -7,16 +7,29 @@ use std::time::Duration;
 
 use tokio::runtime::Handle;
 use tokio::time::timeout;
-use uuid::Uuid;
 
 use super::attempt::{self, Ending};
-use super::{DeviceState, EngineSource, OpenDevices, Shared, StatusLabel};
-use crate::store::{Claim, DataDir, JobFiles, JobStore, Outcome, Status, StoreError};
+use super::{DeviceState, EngineSource, OpenDevices, Shared, StatusLabel, log};
+use crate::store::{AttemptFiles, Claim, DataDir, JobStore, Outcome, Status, StoreError};
 use gridfall_recording as recording;
 use gridfall_scene::Limits;
 
 /// How long to wait before retrying a failed device or store.
 const RETRY: Duration = Duration::from_secs(2);
+
+/// How a worker runs jobs.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    pub limits: Limits,
+    /// Wall time between checkpoints.
+    pub checkpoint_every: Duration,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { limits: Limits::default(), checkpoint_every: Duration::from_secs(30) }
+    }
+}
 
 /// A running worker.
 #[derive(Debug)]
@@ -31,12 +44,12 @@ impl Worker {
     pub async fn start(
         store: JobStore,
         data: Arc<DataDir>,
-        limits: Limits,
+        settings: Settings,
         open: OpenDevices,
     ) -> Result<Self, StoreError> {
         recover(&store, &data).await?;
         let shared = Arc::new(Shared::default());
-        let context = Context { store, data, limits, shared: shared.clone(), runtime: Handle::current() };
+        let context = Context { store, data, settings, shared: shared.clone(), runtime: Handle::current() };
         let thread = std::thread::Builder::new()
             .name("worker".into())
             .spawn(move || context.work(open))
@@ -66,10 +79,11 @@ async fn recover(store: &JobStore, data: &DataDir) -> Result<(), StoreError> {
     for job in store.recover().await? {
         tracing::warn!(job = %job.id, status = %job.status, "found running after a crash");
         let files = data.job(job.id);
-        if job.status.is_terminal() {
-            keep_partial_recording(&files);
-        } else {
-            remove(&files, job.id);
+        log::note(&files, &format!("the server died; the job is {}", job.status));
+        if job.status.is_terminal()
+            && let Some(attempt) = files.attempts().unwrap_or_default().first()
+        {
+            keep_partial_recording(&files.attempt(*attempt));
         }
     }
     if let Err(error) = data.sweep(&store.ids().await?) {
@@ -79,7 +93,7 @@ async fn recover(store: &JobStore, data: &DataDir) -> Result<(), StoreError> {
 }
 
 /// Completes the recording of a canceled or failed attempt.
-fn keep_partial_recording(files: &JobFiles) {
+fn keep_partial_recording(files: &AttemptFiles) {
     let partial = files.partial_recording();
     if partial.exists()
         && let Err(error) = recording::recover(&partial, &files.recording())
@@ -88,23 +102,20 @@ fn keep_partial_recording(files: &JobFiles) {
     }
 }
 
-/// Removes files of an attempt that will be created again.
-fn remove(files: &JobFiles, id: Uuid) {
-    if let Err(error) = files.remove() {
-        tracing::warn!(job = %id, %error, "cannot remove an interrupted attempt's files");
-    }
-}
-
 /// Everything that the worker's thread needs.
 pub(super) struct Context {
     pub store: JobStore,
     pub data: Arc<DataDir>,
-    pub limits: Limits,
+    pub settings: Settings,
     pub shared: Arc<Shared>,
     pub runtime: Handle,
 }
 
 impl Context {
+    pub fn limits(&self) -> Limits {
+        self.settings.limits
+    }
+
     fn work(self, open: OpenDevices) {
         let mut devices: Option<Box<dyn EngineSource>> = None;
         while !self.shared.stopping() {
@@ -150,19 +161,28 @@ impl Context {
         let files = self.data.job(claim.id);
         let ending = attempt::run(self, claim, &files, source);
         if matches!(&ending, Ending::Finished { .. }) {
-            keep_partial_recording(&files);
+            keep_partial_recording(&files.attempt(claim.attempt));
         }
+        log::note(&files, &format!("attempt {}: {}", claim.attempt, ending.describe()));
         let status = self.note(claim, &ending);
         tracing::info!(job = %claim.id, attempt = claim.attempt, ?ending, "ended");
-        match status {
-            Some(status) if status.is_terminal() => {
-                self.shared.counters.finished.get_or_create(&StatusLabel { status }).inc();
-            }
-            _ => remove(&files, claim.id),
+        if let Some(status) = status.filter(|status| status.is_terminal()) {
+            self.shared.counters.finished.get_or_create(&StatusLabel { status }).inc();
+            self.tidy(claim);
         }
         match ending {
             Ending::Lost(_) | Ending::Finished { devices_suspect: true, .. } => Afterwards::ReopenDevices,
             _ => Afterwards::GoOn,
+        }
+    }
+
+    /// Removes what only a job that goes on needs.
+    fn tidy(&self, claim: &Claim) {
+        let files = self.data.job(claim.id);
+        let checkpoints = files.attempt(claim.attempt).checkpoints();
+        let removed = if checkpoints.exists() { std::fs::remove_dir_all(checkpoints) } else { Ok(()) };
+        if let Err(error) = removed.and_then(|()| files.keep_only(claim.attempt)) {
+            tracing::warn!(job = %claim.id, %error, "cannot remove what a job no longer needs");
         }
     }
 

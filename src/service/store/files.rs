@@ -1,4 +1,4 @@
-//! The data directory: one folder of outputs per job, the folder of uploads, and the lock that
+//! The data directory: one folder per job, the folder of uploads, and the lock that
 //! keeps a second server out.
 
 use std::collections::HashSet;
@@ -59,13 +59,63 @@ impl DataDir {
     }
 }
 
-/// The outputs of one job.
+/// The files of one job: a folder for the outputs of each attempt, and a log.
 #[derive(Clone, Debug)]
 pub struct JobFiles {
     dir: PathBuf,
 }
 
 impl JobFiles {
+    /// The outputs of an attempt. Only that attempt writes them; those of the attempt that the job's row names count.
+    pub fn attempt(&self, attempt: i64) -> AttemptFiles {
+        let own = self.dir.join(attempt.to_string());
+        // Until attempts had folders, outputs lay in the job's.
+        let dir = if !own.exists() && self.dir.join("diagnostics.csv").exists() { self.dir.clone() } else { own };
+        AttemptFiles { dir }
+    }
+
+    /// Attempts that left outputs, newest first.
+    pub fn attempts(&self) -> io::Result<Vec<i64>> {
+        let entries = match fs::read_dir(&self.dir) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+            entries => entries?,
+        };
+        let names = entries.map(|entry| Ok(entry?.file_name())).collect::<io::Result<Vec<_>>>()?;
+        let mut attempts: Vec<i64> = names.iter().filter_map(|name| name.to_str()?.parse().ok()).collect();
+        attempts.sort_unstable_by(|a, b| b.cmp(a));
+        Ok(attempts)
+    }
+
+    /// Removes the outputs of all attempts but one.
+    pub fn keep_only(&self, attempt: i64) -> io::Result<()> {
+        let others = self.attempts()?.into_iter().filter(|&other| other != attempt);
+        others.map(|other| self.dir.join(other.to_string())).try_for_each(fs::remove_dir_all)
+    }
+
+    /// What was said of the job, by line.
+    pub fn log(&self) -> PathBuf {
+        self.dir.join("log.txt")
+    }
+
+    pub fn remove(&self) -> io::Result<()> {
+        match fs::remove_dir_all(&self.dir) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The outputs of one attempt.
+#[derive(Clone, Debug)]
+pub struct AttemptFiles {
+    dir: PathBuf,
+}
+
+impl AttemptFiles {
+    pub fn create(&self) -> io::Result<()> {
+        fs::create_dir_all(&self.dir)
+    }
+
     pub fn recording(&self) -> PathBuf {
         self.dir.join("recording.mcap")
     }
@@ -88,16 +138,8 @@ impl JobFiles {
         self.dir.join("thumbnail.png")
     }
 
-    /// Creates an empty folder for a new attempt, removing what an earlier one left.
-    pub fn reset(&self) -> io::Result<()> {
-        self.remove()?;
-        fs::create_dir_all(&self.dir)
-    }
-
-    pub fn remove(&self) -> io::Result<()> {
-        match fs::remove_dir_all(&self.dir) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
-            _ => Ok(()),
-        }
+    /// The folder of checkpoints.
+    pub fn checkpoints(&self) -> PathBuf {
+        self.dir.join("checkpoints")
     }
 }

@@ -18,7 +18,7 @@ use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePo
 use uuid::Uuid;
 
 pub use assets::{Asset, AssetFiles};
-pub use files::{DataDir, JobFiles};
+pub use files::{AttemptFiles, DataDir, JobFiles};
 pub use job::{Failure, Job, NewJob, Progress, Status};
 use row::{ClaimRow, JobRow, select_jobs};
 
@@ -75,6 +75,7 @@ pub struct Claim {
     pub id: Uuid,
     pub attempt: i64,
     pub scene: String,
+    pub deaths: i64,
 }
 
 /// A job that was running when its server died, and what was done about it.
@@ -263,6 +264,10 @@ impl JobStore {
         .fetch_optional(&self.writer)
         .await?;
         Ok(cancel_requested == Some(0))
+    }
+
+    pub async fn checkpointed(&self, _id: Uuid, _attempt: i64, _frame: u64) -> Result<bool> {
+        Ok(true)
     }
 
     /// Ends an attempt and its job. Returns false if the job is no longer this attempt's.

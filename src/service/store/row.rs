@@ -71,6 +71,7 @@ impl FromRow<'_, SqliteRow> for ClaimRow {
             id: uuid(row.try_get("id")?)?,
             attempt: row.try_get("attempt")?,
             scene: row.try_get("scene")?,
+            deaths: 0,
         }))
     }
 }

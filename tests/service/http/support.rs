@@ -113,9 +113,10 @@ impl Server {
         self.wait_until(path, "frames", |job| job["progress"]["frames_written"].as_u64() >= Some(frames))
     }
 
-    /// The file of a job's output.
+    /// The file of an output of a job's last attempt.
     pub fn file(&self, job: &str, name: &str) -> PathBuf {
-        self.data_dir.join("jobs").join(job.rsplit('/').next().unwrap()).join(name)
+        let attempt = self.job(job)["attempt"].to_string();
+        self.data_dir.join("jobs").join(job.rsplit('/').next().unwrap()).join(attempt).join(name)
     }
 
     /// SIGKILL: none of the server's code runs any more.

@@ -1,5 +1,6 @@
 //! A small problem, a stand-in for an engine, and access to the Python reader.
 
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -8,9 +9,9 @@ use gridfall_core::sim::collider::{ALWAYS, Collider, Motion, Primitive, Sdf, Sdf
 use gridfall_core::sim::particles::{IDENTITY, Particles};
 use gridfall_core::sim::reaction::Reaction;
 use gridfall_core::sim::setup::{Axis, Body, Contact, ContactKind, Implicit, Integrator, OutputField, Problem, Setup};
-use gridfall_engine::{Backend, Control, Engine, EngineError, FrameStats, Solve};
+use gridfall_engine::{Backend, Control, Engine, EngineError, FrameStats, Solve, StateError};
 use gridfall_recording::Appearance;
-use gridfall_recording::run::{self, FrameReport, Observer, Outputs, RunError, Summary};
+use gridfall_recording::run::{self, FrameReport, Observer, Outputs, RunError, Subject, Summary};
 use gridfall_scene::schema::Scene;
 use serde_json::{Value, json};
 
@@ -99,6 +100,29 @@ impl Engine for Ballistic {
 
     fn snapshot(&mut self) -> Result<Particles, EngineError> {
         Ok(self.state.clone())
+    }
+
+    fn save(&mut self, to: &mut dyn Write) -> Result<(), StateError> {
+        to.write_all(&self.frame.to_le_bytes())?;
+        to.write_all(&self.time_s.to_le_bytes())?;
+        let state = &self.state;
+        let values = state.x.iter().chain(&state.v).flatten().chain(state.f.iter().map(|f| &f[0]));
+        Ok(values.map(|value| value.to_le_bytes()).try_for_each(|bytes| to.write_all(&bytes))?)
+    }
+
+    fn restore(&mut self, from: &mut dyn Read) -> Result<(), StateError> {
+        let mut word = || -> io::Result<[u8; 8]> {
+            let mut bytes = [0; 8];
+            from.read_exact(&mut bytes)?;
+            Ok(bytes)
+        };
+        (self.frame, self.time_s) = (u64::from_le_bytes(word()?), f64::from_le_bytes(word()?));
+        let state = &mut self.state;
+        let values = state.x.iter_mut().chain(&mut state.v).flatten().chain(state.f.iter_mut().map(|f| &mut f[0]));
+        for value in values {
+            *value = f64::from_le_bytes(word()?);
+        }
+        Ok(())
     }
 }
 
@@ -243,6 +267,7 @@ pub fn outputs(directory: &Path) -> Outputs {
         thumbnail: Some(directory.join("out.png")),
         diagnostics: Some(directory.join("out.csv")),
         solver: Some(directory.join("solver.csv")),
+        checkpoints: Some(directory.join("checkpoints")),
     }
 }
 
@@ -255,7 +280,9 @@ pub fn run(
     observer: &dyn Observer,
 ) -> Result<Summary, RunError> {
     let appearance = Appearance::new(&problem.setup, &problem.particles);
-    run::run(&scene.to_json(), &problem.setup, &appearance, engine, out, observer)
+    let scene_json = scene.to_json();
+    let subject = Subject { scene_json: &scene_json, setup: &problem.setup, appearance: &appearance };
+    run::run(subject, engine, out, observer)
 }
 
 pub fn record(problem: &Problem, directory: &Path) -> Outputs {

@@ -5,3 +5,4 @@ mod content;
 mod driver;
 mod fixture;
 mod recovery;
+mod resuming;

@@ -226,7 +226,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
     }
 
     /// Where the planes of sticky walls are, relative to a block.
-    fn planes(&self, block: &[i32; D]) -> [[T; 2]; D] {
+    pub(super) fn planes(&self, block: &[i32; D]) -> [[T; 2]; D] {
         std::array::from_fn(|a| {
             let planes = [0, self.setup.cells[a] as i32].map(|plane| T::from_i32(plane - BLOCK * block[a]));
             let Axis::Walls(contacts) = &self.setup.axes[a] else { return [-1e30, 1e30].map(T::from_f64) };
@@ -238,7 +238,7 @@ impl<T: Real, const D: usize> Simulation<T, D> {
         })
     }
 
-    fn inside(&self, block: &[i32; D]) -> [[T; 2]; D] {
+    pub(super) fn inside(&self, block: &[i32; D]) -> [[T; 2]; D] {
         std::array::from_fn(|a| {
             if self.constants.period[a].is_some() {
                 return [-1e30, 1e30].map(T::from_f64);

@@ -1,7 +1,10 @@
 //! Frames: plan equal steps, run the stages, notice what goes wrong.
 
+use std::io::{Read, Write};
+
 use super::stages::{Moved, Stages, stages};
-use crate::contract::{Backend, Control, Engine, EngineError, FrameStats};
+use crate::contract::{Backend, Control, Engine, EngineError, FrameStats, StateError};
+use crate::state::{get_one, put};
 use gridfall_core::sim::divergence;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
@@ -191,6 +194,19 @@ impl Engine for CpuEngine {
 
     fn snapshot(&mut self) -> Result<Particles, EngineError> {
         Ok(self.stages.particles())
+    }
+
+    fn save(&mut self, to: &mut dyn Write) -> Result<(), StateError> {
+        put(to, &[self.step])?;
+        put(to, &[self.time_s])?;
+        Ok(self.stages.save(to)?)
+    }
+
+    fn restore(&mut self, from: &mut dyn Read) -> Result<(), StateError> {
+        (self.step, self.time_s) = (get_one(from)?, get_one(from)?);
+        self.stages.restore(from)?;
+        self.particles = self.stages.count();
+        Ok(())
     }
 
     fn visit(&mut self, part: usize, take: &mut dyn FnMut(usize, Particles)) -> Result<(), EngineError> {

@@ -15,6 +15,7 @@ mod isolated;
 mod narrow;
 mod p2g;
 mod pairs;
+mod saved;
 mod sides;
 mod simulation;
 mod stages;

@@ -59,9 +59,9 @@ pub struct Simulation<T, const D: usize> {
     /// Of contact at the particles, by body; empty where colliders act on nodes.
     pub(super) springs: Vec<Springs>,
     /// What colliders have taken since the last grid update from particles that they stopped.
-    stopped: Vec<Reaction>,
+    pub(super) stopped: Vec<Reaction>,
     /// What they take by the springs in the last transfer to the grid.
-    pressed: Vec<Reaction>,
+    pub(super) pressed: Vec<Reaction>,
     /// Time that particles have reached (s).
     pub(super) time_s: f64,
 }

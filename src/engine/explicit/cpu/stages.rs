@@ -1,6 +1,9 @@
 //! A simulation without its type parameters, and the choice of one for a problem.
 
+use std::io::{self, Read, Write};
 use std::ops::Range;
+
+use bytemuck::Pod;
 
 use super::g2p::Moves;
 use super::grid_update::NodeState;
@@ -60,13 +63,17 @@ pub trait Stages: Send {
     fn particles(&self) -> Particles {
         self.read(0..self.count())
     }
+    /// Writes what a frame starts from.
+    fn save(&self, to: &mut dyn Write) -> io::Result<()>;
+    /// Takes over what was saved; `start_frame` follows.
+    fn restore(&mut self, from: &mut dyn Read) -> io::Result<()>;
     /// All nodes with mass, after `p2g`.
     fn nodes(&self) -> Vec<NodeState>;
     /// What the particles ask of the coming steps.
     fn extremes(&self) -> Extremes;
 }
 
-impl<T: Real, const D: usize> Stages for Simulation<T, D> {
+impl<T: Real + Pod, const D: usize> Stages for Simulation<T, D> {
     fn load(&mut self, particles: Particles) {
         Simulation::load(self, particles);
     }
@@ -96,6 +103,12 @@ impl<T: Real, const D: usize> Stages for Simulation<T, D> {
     }
     fn read(&self, ids: Range<usize>) -> Particles {
         Simulation::particles(self, ids)
+    }
+    fn save(&self, to: &mut dyn Write) -> io::Result<()> {
+        Simulation::save(self, to)
+    }
+    fn restore(&mut self, from: &mut dyn Read) -> io::Result<()> {
+        Simulation::restore(self, from)
     }
     fn nodes(&self) -> Vec<NodeState> {
         self.grid.nodes(&self.tiles)

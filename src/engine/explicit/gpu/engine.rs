@@ -1,6 +1,7 @@
 //! Runs frames on the device: plan, submit without reading back, then answer for what the device
 //! reported.
 
+use std::io::{Read, Write};
 use std::sync::Arc;
 
 use super::buffers::{Buffers, Counts};
@@ -10,7 +11,7 @@ use super::scene::{self, SceneData};
 use super::segment::Course;
 use super::stages::{Extent, Stages};
 use super::upload::{DeviceLayout, grid_offsets};
-use crate::contract::{Backend, Control, Engine, EngineError, FrameStats};
+use crate::contract::{Backend, Control, Engine, EngineError, FrameStats, StateError};
 use crate::gpu::memory::Memory;
 use crate::gpu::program::{Dispatch, Programs, Tools};
 use crate::gpu::{Gpu, Variant};
@@ -42,14 +43,14 @@ pub struct GpuEngine {
     pub(super) time_s: f64,
     pub(super) steps: u64,
     /// Bound on node speeds at the frame's start (m/s).
-    max_speed: f64,
+    pub(super) max_speed: f64,
     /// Demand of the materials at the frame's start (1/s²).
-    max_demand: f64,
+    pub(super) max_demand: f64,
     /// Particles reset in this frame.
     isolated: u64,
     /// Coarsening of the fixed-point scales that this run has needed.
-    mass_range: f64,
-    momentum_range: f64,
+    pub(super) mass_range: f64,
+    pub(super) momentum_range: f64,
     pub(super) chunk: usize,
 }
 
@@ -311,5 +312,13 @@ impl Engine for GpuEngine {
 
     fn snapshot(&mut self) -> Result<Particles, EngineError> {
         readback::particles(&self.gpu, &self.buffers, &self.layout)
+    }
+
+    fn save(&mut self, to: &mut dyn Write) -> Result<(), StateError> {
+        self.save_state(to)
+    }
+
+    fn restore(&mut self, from: &mut dyn Read) -> Result<(), StateError> {
+        self.restore_state(from)
     }
 }

@@ -18,6 +18,7 @@ mod flowing_tests;
 mod law_tests;
 pub mod layout;
 mod readback;
+mod saved;
 pub(crate) mod scene;
 mod segment;
 mod staged;

@@ -1,8 +1,9 @@
 //! The stages of a step: builds its nodes, minimises, moves the particles.
 
 use std::borrow::Cow;
+use std::io::{Read, Write};
 
-use crate::contract::{Control, EngineError, Solve};
+use crate::contract::{Control, EngineError, Solve, StateError};
 use crate::implicit::engine::{Moved, Stepper};
 use crate::implicit::physics::discretisation::Discretisation;
 use crate::implicit::physics::potential::Potential;
@@ -10,6 +11,7 @@ use crate::implicit::physics::state::{BodySetup, State, setups};
 use crate::implicit::physics::transfer::grid_to_particles;
 use crate::implicit::solver::objective::NodeVectors;
 use crate::implicit::solver::solve as minimise;
+use crate::state::{get_particles, get_time, put_particles, put_time};
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::settings::Method;
 use gridfall_core::sim::setup::Setup;
@@ -134,5 +136,17 @@ impl<const D: usize> Stepper for CpuStepper<D> {
 
     fn snapshot(&self) -> Result<Particles, EngineError> {
         Ok(self.particles.clone())
+    }
+
+    fn save(&self, to: &mut dyn Write) -> Result<(), StateError> {
+        put_time(to, self.met_s)?;
+        Ok(put_particles(to, &self.particles)?)
+    }
+
+    fn restore(&mut self, from: &mut dyn Read) -> Result<(), StateError> {
+        self.met_s = get_time(from)?;
+        self.particles = get_particles(from, self.setup.total_particles(), self.setup.bodies.len())?;
+        self.open = None;
+        Ok(())
     }
 }

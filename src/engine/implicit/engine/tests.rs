@@ -53,6 +53,12 @@ impl Stepper for Scripted {
     fn snapshot(&self) -> Result<Particles, EngineError> {
         Ok(self.problem.particles.clone())
     }
+    fn save(&self, _to: &mut dyn Write) -> Result<(), StateError> {
+        Ok(())
+    }
+    fn restore(&mut self, _from: &mut dyn Read) -> Result<(), StateError> {
+        Ok(())
+    }
 }
 
 /// How a step ends that is kept.

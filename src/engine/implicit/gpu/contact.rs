@@ -19,7 +19,7 @@ pub struct Contact {
     /// Of all particles (kg).
     pub total: f64,
     /// When particles last met faces that appear (s).
-    met_s: Option<f64>,
+    pub(super) met_s: Option<f64>,
     /// Of the step (s).
     dt_s: f64,
     /// Of the nodes that are solved for (kg).

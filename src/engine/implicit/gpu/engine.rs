@@ -1,11 +1,12 @@
 //! The implicit engine on the device: what it can run, and its stages as the frame loop calls them.
 
 use std::borrow::Cow;
+use std::io::{Read, Write};
 use std::sync::Arc;
 
 use super::linear::Minimiser;
 use super::step::DeviceStep;
-use crate::contract::{Control, EngineError, Solve};
+use crate::contract::{Control, EngineError, Solve, StateError};
 use crate::gpu::device::Gpu;
 use crate::implicit::engine::{ImplicitEngine, Moved, Stepper};
 use crate::implicit::step::max_speed_m_s;
@@ -123,5 +124,13 @@ impl Stepper for GpuStepper {
 
     fn snapshot(&self) -> Result<Particles, EngineError> {
         self.step.snapshot()
+    }
+
+    fn save(&self, to: &mut dyn Write) -> Result<(), StateError> {
+        self.step.save(to)
+    }
+
+    fn restore(&mut self, from: &mut dyn Read) -> Result<(), StateError> {
+        self.step.restore(from)
     }
 }

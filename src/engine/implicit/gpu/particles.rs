@@ -1,8 +1,11 @@
 //! Particle states to the device and back.
 
+use std::io::{Read, Write};
+
 use super::layout::{TOUCH_CHANNELS, UNMET};
 use super::step::DeviceStep;
-use crate::contract::EngineError;
+use crate::contract::{EngineError, StateError};
+use crate::state::{get, get_bodies, get_count, get_one, get_time, put, put_time};
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::side::Plates;
 use gridfall_core::sim::touch::Touch;
@@ -63,6 +66,37 @@ impl DeviceStep {
     /// Particle states at the start of the step that has begun.
     pub fn before(&self) -> Result<Particles, EngineError> {
         self.particles_of("position", "tag", "state")
+    }
+}
+
+impl DeviceStep {
+    /// Writes the particles as the next step finds them, in the device's order.
+    pub fn save(&self, to: &mut dyn Write) -> Result<(), StateError> {
+        let (n, room, channels) = (self.live(), self.buffers.counts.particles, self.buffers.counts.channels);
+        let memory = &self.buffers.memory;
+        put_time(to, self.contact.met_s)?;
+        put(to, &[self.contact.total])?;
+        put(to, &[n as u64])?;
+        put(to, &self.layout.body_of)?;
+        put(to, &memory.read::<[u32; 4]>(&self.gpu, "position_in", n)?)?;
+        put(to, &memory.read::<[u32; 2]>(&self.gpu, "tag_in", n)?)?;
+        Ok(put(to, &memory.read::<f32>(&self.gpu, "state_in", channels * room)?)?)
+    }
+
+    /// Takes over what was saved.
+    pub fn restore(&mut self, from: &mut dyn Read) -> Result<(), StateError> {
+        let (room, channels) = (self.buffers.counts.particles, self.buffers.counts.channels);
+        self.contact.met_s = get_time(from)?;
+        self.contact.total = get_one(from)?;
+        let n = get_count(from, room, "particles")?;
+        self.layout.body_of = get_bodies(from, n, self.setup.bodies.len())?;
+        let memory = &self.buffers.memory;
+        memory.write(&self.gpu, "position_in", 0, &get::<[u32; 4]>(from, n)?);
+        memory.write(&self.gpu, "tag_in", 0, &get::<[u32; 2]>(from, n)?);
+        memory.write(&self.gpu, "state_in", 0, &get::<f32>(from, channels * room)?);
+        self.buffers.live = n;
+        self.params.particles = n as u32;
+        Ok(self.gpu.check()?)
     }
 }
 
