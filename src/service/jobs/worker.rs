@@ -17,6 +17,8 @@ use gridfall_scene::Limits;
 
 /// How long to wait before retrying a failed device or store.
 const RETRY: Duration = Duration::from_secs(2);
+/// How long an idle worker sleeps before it looks for jobs whose workers are gone.
+const IDLE: Duration = Duration::from_secs(3);
 
 /// A running worker.
 #[derive(Debug)]
@@ -34,9 +36,10 @@ impl Worker {
         limits: Limits,
         open: OpenDevices,
     ) -> Result<Self, StoreError> {
-        recover(&store, &data).await?;
+        let owner = data.owner()?;
+        recover(&store, &data, &owner).await?;
         let shared = Arc::new(Shared::default());
-        let context = Context { store, data, limits, shared: shared.clone(), runtime: Handle::current() };
+        let context = Context { store, data, owner, limits, shared: shared.clone(), runtime: Handle::current() };
         let thread = std::thread::Builder::new()
             .name("worker".into())
             .spawn(move || context.work(open))
@@ -62,8 +65,8 @@ impl Worker {
 
 /// Handles the jobs that were running when the previous server died, and files that belong to no
 /// job.
-async fn recover(store: &JobStore, data: &DataDir) -> Result<(), StoreError> {
-    for job in store.recover().await? {
+async fn recover(store: &JobStore, data: &DataDir, owner: &str) -> Result<(), StoreError> {
+    for job in store.recover(owner, |_| String::new()).await? {
         tracing::warn!(job = %job.id, status = %job.status, "found running after a crash");
         let files = data.job(job.id);
         if job.status.is_terminal() {
@@ -99,6 +102,8 @@ fn remove(files: &JobFiles, id: Uuid) {
 pub(super) struct Context {
     pub store: JobStore,
     pub data: Arc<DataDir>,
+    /// The name of this server in leases.
+    pub owner: String,
     pub limits: Limits,
     pub shared: Arc<Shared>,
     pub runtime: Handle,
@@ -112,13 +117,16 @@ impl Context {
                 devices = self.open_devices(&open);
                 continue;
             };
-            match self.runtime.block_on(self.store.claim()) {
+            match self.runtime.block_on(self.store.claim(&self.owner)) {
                 Ok(Some(claim)) => {
                     if self.run(&claim, source.as_ref()) == Afterwards::ReopenDevices {
                         devices = None;
                     }
                 }
-                Ok(None) => self.runtime.block_on(self.shared.wake.notified()),
+                Ok(None) => {
+                    // Leases run out without a wake-up call.
+                    let _ = self.runtime.block_on(async { timeout(IDLE, self.shared.wake.notified()).await });
+                }
                 Err(error) => {
                     tracing::error!(%error, "cannot claim a job");
                     self.pause();
