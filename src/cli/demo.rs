@@ -120,6 +120,7 @@ impl Server {
         let options = Options {
             listen: SocketAddr::from(([127, 0, 0, 1], 0)),
             data_dir: data_dir.clone(),
+            database: None,
             insecure_no_auth: false,
             config: Config::default(),
             checkpoint_every: Settings::default().checkpoint_every,

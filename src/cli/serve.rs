@@ -23,6 +23,10 @@ pub struct Arguments {
     /// Where jobs and their recordings are kept. One server a directory.
     #[arg(long, default_value = "./gridfall-data", value_name = "DIR", env = "GRIDFALL_DATA_DIR")]
     data_dir: PathBuf,
+    /// Where the queue is kept: postgres://USER:PASSWORD@HOST/NAME, or sqlite:PATH; by default a file in the data
+    /// directory. Other users of the machine can read command lines: pass a password by the environment.
+    #[arg(long, value_name = "URL", env = "GRIDFALL_DATABASE", hide_env_values = true)]
+    database: Option<String>,
     /// Listen on an address that other machines can reach, although nobody is asked for a key.
     /// Anyone who can reach the server can then run, read and delete jobs: for containers and
     /// networks that keep strangers out.
@@ -55,6 +59,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let options = Options {
         listen: arguments.listen,
         data_dir: arguments.data_dir,
+        database: arguments.database,
         insecure_no_auth: arguments.insecure_no_auth,
         config: Config { max_queued: arguments.max_queued, ..Config::default() },
         checkpoint_every: Duration::from_secs_f64(arguments.checkpoint_seconds),

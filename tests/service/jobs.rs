@@ -10,7 +10,7 @@ use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Setup;
 use gridfall_engine::{Backend, Control, Engine, EngineError, FrameStats, StateError};
 use gridfall_service::jobs::{DeviceState, EngineSource, OpenDevices, Settings, Worker};
-use gridfall_service::store::{DataDir, Job, JobStore, NewJob, Status, Submission};
+use gridfall_service::store::{DataDir, Job, JobStore, MAX_DEATHS, NewJob, Status, Submission};
 use uuid::Uuid;
 
 const SCENE: &str = r#"{
@@ -203,18 +203,21 @@ async fn a_failure_of_the_scene_has_the_engines_code_and_keeps_the_frames_before
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_job_is_tried_again_after_a_lost_device_and_fails_with_the_second_one() {
-    let bench = Bench::start(&[Fate::LoseDevice, Fate::GoOn, Fate::LoseDevice, Fate::LoseDevice, Fate::GoOn], 0).await;
+async fn a_job_is_tried_again_after_a_lost_device_and_given_up_when_that_never_ends() {
+    let mut fates = vec![Fate::LoseDevice, Fate::GoOn];
+    fates.extend([Fate::LoseDevice; MAX_DEATHS as usize]);
+    fates.push(Fate::GoOn);
+    let bench = Bench::start(&fates, 0).await;
     let job = bench.ended(bench.submit().await).await;
     assert_eq!((job.status, job.attempt), (Status::Succeeded, 2));
     assert_eq!(frames(&bench.data.job(job.id).attempt(job.attempt).recording()), 4);
 
     let job = bench.ended(bench.submit().await).await;
     let failure = job.failure.unwrap();
-    assert_eq!((job.status, job.attempt, failure.code.as_str()), (Status::Failed, 2, "device_lost"));
+    assert_eq!((job.status, job.attempt, failure.code.as_str()), (Status::Failed, MAX_DEATHS, "device_lost"));
     assert!(failure.message.contains("fell off the bus"), "{failure:?}");
     assert_eq!(bench.ended(bench.submit().await).await.status, Status::Succeeded);
-    assert_eq!(bench.opened(), 4);
+    assert_eq!(bench.opened(), 2 + MAX_DEATHS as usize);
     bench.worker.stop(Duration::from_secs(60)).await;
 }
 

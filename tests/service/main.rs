@@ -1,6 +1,9 @@
-//! The service as its users see it: real server processes over HTTP, jobs that meet every fate, and
-//! recordings read with the official reader.
+//! The service as its users see it: real server processes over HTTP, jobs that meet every fate,
+//! a store that keeps them on two databases, and recordings read with the official reader.
 
 mod http;
 mod jobs;
+#[path = "../common/postgres.rs"]
+mod postgres;
 mod recording;
+mod store;

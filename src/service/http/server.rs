@@ -24,6 +24,8 @@ const WORKER_PATIENCE: Duration = Duration::from_secs(5);
 pub struct Options {
     pub listen: SocketAddr,
     pub data_dir: PathBuf,
+    /// URL of the job database; a file in the data directory by default.
+    pub database: Option<String>,
     /// Accept a `listen` address that other machines can reach, although clients need no key.
     pub insecure_no_auth: bool,
     pub config: Config,
@@ -51,7 +53,13 @@ pub enum ServeError {
 impl ServeError {
     /// True if other options would help.
     pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::OpenToStrangers(_) | Self::Listen { .. } | Self::Store(StoreError::Locked { .. }))
+        match self {
+            Self::OpenToStrangers(_) | Self::Listen { .. } => true,
+            Self::Store(error) => {
+                matches!(error, StoreError::Locked { .. } | StoreError::Url { .. } | StoreError::Unreachable { .. })
+            }
+            Self::Serve(_) => false,
+        }
     }
 }
 
@@ -62,7 +70,7 @@ pub async fn serve(
     listening: impl FnOnce(SocketAddr),
     shutdown: impl Future<Output = ()> + Send + 'static,
 ) -> Result<(), ServeError> {
-    let Options { listen, data_dir, insecure_no_auth, config, checkpoint_every, devices } = options;
+    let Options { listen, data_dir, database, insecure_no_auth, config, checkpoint_every, devices } = options;
     if !listen.ip().is_loopback() {
         if !insecure_no_auth {
             return Err(ServeError::OpenToStrangers(listen));
@@ -70,7 +78,10 @@ pub async fn serve(
         tracing::warn!("{listen} is open to other machines and nobody is asked for a key (--insecure-no-auth)");
     }
     let data = Arc::new(DataDir::open(&data_dir)?);
-    let store = JobStore::open(&data.database()).await?;
+    let store = match &database {
+        Some(url) => JobStore::connect(url).await?,
+        None => JobStore::open(&data.database()).await?,
+    };
     let listener = TcpListener::bind(listen).await.map_err(|error| ServeError::Listen { address: listen, error })?;
     let address = listener.local_addr().map_err(ServeError::Serve)?;
     let settings = Settings { limits: config.limits, checkpoint_every };

@@ -16,6 +16,8 @@ use gridfall_scene::Limits;
 
 /// How long to wait before retrying a failed device or store.
 const RETRY: Duration = Duration::from_secs(2);
+/// How long an idle worker sleeps before it looks for jobs whose workers are gone.
+const IDLE: Duration = Duration::from_secs(3);
 
 /// How a worker runs jobs.
 #[derive(Clone, Copy, Debug)]
@@ -47,9 +49,10 @@ impl Worker {
         settings: Settings,
         open: OpenDevices,
     ) -> Result<Self, StoreError> {
-        recover(&store, &data).await?;
+        let owner = data.owner()?;
+        recover(&store, &data, &owner).await?;
         let shared = Arc::new(Shared::default());
-        let context = Context { store, data, settings, shared: shared.clone(), runtime: Handle::current() };
+        let context = Context { store, data, owner, settings, shared: shared.clone(), runtime: Handle::current() };
         let thread = std::thread::Builder::new()
             .name("worker".into())
             .spawn(move || context.work(open))
@@ -75,8 +78,8 @@ impl Worker {
 
 /// Handles the jobs that were running when the previous server died, and files that belong to no
 /// job.
-async fn recover(store: &JobStore, data: &DataDir) -> Result<(), StoreError> {
-    for job in store.recover().await? {
+async fn recover(store: &JobStore, data: &DataDir, owner: &str) -> Result<(), StoreError> {
+    for job in store.recover(owner, |id| log::tail(&data.job(id))).await? {
         tracing::warn!(job = %job.id, status = %job.status, "found running after a crash");
         let files = data.job(job.id);
         log::note(&files, &format!("the server died; the job is {}", job.status));
@@ -106,6 +109,8 @@ fn keep_partial_recording(files: &AttemptFiles) {
 pub(super) struct Context {
     pub store: JobStore,
     pub data: Arc<DataDir>,
+    /// The name of this server in leases.
+    pub owner: String,
     pub settings: Settings,
     pub shared: Arc<Shared>,
     pub runtime: Handle,
@@ -123,13 +128,16 @@ impl Context {
                 devices = self.open_devices(&open);
                 continue;
             };
-            match self.runtime.block_on(self.store.claim()) {
+            match self.runtime.block_on(self.store.claim(&self.owner)) {
                 Ok(Some(claim)) => {
                     if self.run(&claim, source.as_ref()) == Afterwards::ReopenDevices {
                         devices = None;
                     }
                 }
-                Ok(None) => self.runtime.block_on(self.shared.wake.notified()),
+                Ok(None) => {
+                    // Leases run out without a wake-up call.
+                    let _ = self.runtime.block_on(async { timeout(IDLE, self.shared.wake.notified()).await });
+                }
                 Err(error) => {
                     tracing::error!(%error, "cannot claim a job");
                     self.pause();

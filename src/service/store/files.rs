@@ -38,6 +38,25 @@ impl DataDir {
         self.root.join("gridfall.sqlite")
     }
 
+    /// The name of the server that has this directory, the same after each restart. Whoever holds the
+    /// directory's lock knows that an earlier server of this name is dead.
+    pub fn owner(&self) -> Result<String, StoreError> {
+        let path = self.root.join("owner");
+        let read = || -> io::Result<String> {
+            match fs::read_to_string(&path) {
+                Ok(name) if !name.trim().is_empty() => return Ok(name.trim().to_owned()),
+                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+                // Not there, or a crash came between its creation and its content.
+                _ => {}
+            }
+            let name = Uuid::now_v7().to_string();
+            fs::write(&path, &name)?;
+            File::open(&path)?.sync_all()?;
+            Ok(name)
+        };
+        read().map_err(|error| StoreError::Io { path: path.clone(), error })
+    }
+
     pub fn assets(&self) -> AssetFiles {
         self.assets.clone()
     }

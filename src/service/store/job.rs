@@ -112,6 +112,11 @@ pub struct Job {
     pub finished_at: Option<Timestamp>,
     /// Counts claims by a worker.
     pub attempt: i64,
+    /// Attempts in a row that died with their process or device, without a newer checkpoint between
+    /// them.
+    pub deaths: i64,
+    /// The newest frame that an attempt can go on from.
+    pub checkpoint_frame: Option<u64>,
     pub cancel_requested: bool,
     /// 1 for the job that runs next; `None` unless queued.
     pub queue_position: Option<i64>,

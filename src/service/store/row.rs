@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use jiff::Timestamp;
-use sqlx::sqlite::SqliteRow;
+use sqlx::any::AnyRow;
 use sqlx::{FromRow, Row};
 use uuid::Uuid;
 
@@ -13,7 +13,8 @@ use super::{Claim, Failure, Job, Progress};
 macro_rules! select_jobs {
     ($clauses:literal) => {
         concat!(
-            "SELECT seq, id, name, status, created_at, started_at, finished_at, attempt, cancel_requested, particles, ",
+            "SELECT seq, id, name, status, created_at, started_at, finished_at, attempt, deaths, checkpoint_frame, ",
+            "cancel_requested, particles, ",
             "frames, end_time_s, sim_time_s, step, frames_written, run_s, integrator, integrator_reason, notices, ",
             "backend, failure_code, failure_message, ",
             "CASE status WHEN 'queued' THEN (SELECT count(*) FROM jobs AS ahead WHERE ahead.status = 'queued' ",
@@ -26,8 +27,8 @@ pub(super) use select_jobs;
 
 pub(super) struct JobRow(pub Job);
 
-impl FromRow<'_, SqliteRow> for JobRow {
-    fn from_row(row: &SqliteRow) -> sqlx::Result<Self> {
+impl FromRow<'_, AnyRow> for JobRow {
+    fn from_row(row: &AnyRow) -> sqlx::Result<Self> {
         let failure_code: Option<String> = row.try_get("failure_code")?;
         let failure_message: Option<String> = row.try_get("failure_message")?;
         Ok(Self(Job {
@@ -39,7 +40,9 @@ impl FromRow<'_, SqliteRow> for JobRow {
             started_at: row.try_get::<Option<i64>, _>("started_at")?.map(timestamp).transpose()?,
             finished_at: row.try_get::<Option<i64>, _>("finished_at")?.map(timestamp).transpose()?,
             attempt: row.try_get("attempt")?,
-            cancel_requested: row.try_get("cancel_requested")?,
+            deaths: row.try_get("deaths")?,
+            checkpoint_frame: row.try_get::<Option<i64>, _>("checkpoint_frame")?.map(|frame| frame as u64),
+            cancel_requested: row.try_get::<i64, _>("cancel_requested")? != 0,
             queue_position: row.try_get("queue_position")?,
             particles: row.try_get::<i64, _>("particles")? as u64,
             frames: row.try_get::<i64, _>("frames")? as u64,
@@ -65,14 +68,35 @@ impl FromRow<'_, SqliteRow> for JobRow {
 
 pub(super) struct ClaimRow(pub Claim);
 
-impl FromRow<'_, SqliteRow> for ClaimRow {
-    fn from_row(row: &SqliteRow) -> sqlx::Result<Self> {
+impl FromRow<'_, AnyRow> for ClaimRow {
+    fn from_row(row: &AnyRow) -> sqlx::Result<Self> {
         Ok(Self(Claim {
             id: uuid(row.try_get("id")?)?,
             attempt: row.try_get("attempt")?,
             scene: row.try_get("scene")?,
-            deaths: 0,
+            deaths: row.try_get("deaths")?,
         }))
+    }
+}
+
+/// An attempt whose lease is over.
+pub(super) struct LostRow {
+    pub id: Uuid,
+    pub attempt: i64,
+    pub deaths: i64,
+    pub frames_written: i64,
+    pub checkpoint_frame: Option<i64>,
+}
+
+impl FromRow<'_, AnyRow> for LostRow {
+    fn from_row(row: &AnyRow) -> sqlx::Result<Self> {
+        Ok(Self {
+            id: uuid(row.try_get("id")?)?,
+            attempt: row.try_get("attempt")?,
+            deaths: row.try_get("deaths")?,
+            frames_written: row.try_get("frames_written")?,
+            checkpoint_frame: row.try_get("checkpoint_frame")?,
+        })
     }
 }
 

@@ -3,8 +3,10 @@
 
 use std::collections::BTreeSet;
 
+use gridfall_service::store::MAX_DEATHS;
 use serde_json::{Value, json};
 
+use super::super::postgres;
 use super::support::{Server, endless, scene, short};
 
 /// Long enough to be interrupted in the middle.
@@ -161,18 +163,35 @@ fn after_a_crash_the_running_job_runs_again_the_queued_ones_run_and_the_finished
 }
 
 #[test]
-fn a_job_that_is_running_at_two_crashes_fails_and_keeps_its_recording() {
+fn servers_of_one_database_take_over_from_each_other() {
     let dir = tempfile::tempdir().unwrap();
-    let server = Server::start(dir.path());
+    let database = postgres::shared().database();
+    let start = |name: &str| Server::start_with(&dir.path().join(name), &["--database", &database]);
+    let first = start("first");
+    let job = first.submit(endless());
+    first.wait_for_frames(&job, 2);
+    // The one has this job, so the other takes the next.
+    let second = start("second");
+    second.wait_for(&second.submit(short()), "succeeded");
+    assert_eq!(second.job(&job)["attempt"], 1, "its worker lives");
+    first.kill();
+    second.wait_until(&job, "the end of the lease", |job| job["attempt"] == 2 && job["status"] == "running");
+    second.call("POST", &format!("{job}/cancel"), &[], "");
+    second.wait_for(&job, "canceled");
+}
+
+#[test]
+fn a_job_that_brings_down_every_server_fails_and_keeps_its_recording() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut server = Server::start(dir.path());
     let job = server.submit(endless());
-    server.wait_for_frames(&job, 2);
-    server.kill();
-    let server = Server::start(dir.path());
-    server.wait_until(&job, "the second attempt", |job| {
-        job["attempt"] == 2 && job["progress"]["frames_written"].as_u64() >= Some(2)
-    });
-    server.kill();
-    let server = Server::start(dir.path());
+    for attempt in 1..=MAX_DEATHS {
+        server.wait_until(&job, "the next attempt", |job| {
+            job["attempt"] == attempt && job["progress"]["frames_written"].as_u64() >= Some(2)
+        });
+        server.kill();
+        server = Server::start(dir.path());
+    }
     let failed = server.job(&job);
     assert_eq!((&failed["status"], &failed["failure"]["code"]), (&json!("failed"), &json!("crashed")));
     assert!(frames_of(&server.get(&format!("{job}/recording.mcap")).body) >= 2);
@@ -191,7 +210,7 @@ fn sigterm_puts_the_running_job_back_and_is_not_held_against_it() {
         job
     };
     // More often than crashes are forgiven.
-    for attempt in 2..=4 {
+    for attempt in 2..=MAX_DEATHS + 1 {
         let server = Server::start(dir.path());
         server.wait_until(&job, "the next attempt", |job| {
             job["attempt"] == attempt && job["progress"]["frames_written"].as_u64() >= Some(2)

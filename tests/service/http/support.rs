@@ -38,9 +38,27 @@ impl Answer {
 impl Server {
     /// Starts a server on a data directory and waits until it listens.
     pub fn start(data_dir: &Path) -> Self {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_gridfall"))
+        Self::start_with(data_dir, &[])
+    }
+
+    /// The same with more arguments.
+    pub fn start_with(data_dir: &Path, arguments: &[&str]) -> Self {
+        Self::launch(Command::new(env!("CARGO_BIN_EXE_gridfall")), data_dir, arguments)
+    }
+
+    /// The same, where no file can grow beyond a size: writes fail as they do on a full disk.
+    pub fn start_limited(data_dir: &Path, kibibytes: u64) -> Self {
+        let mut command = Command::new("bash");
+        let limited = format!("trap '' XFSZ; ulimit -f {kibibytes}; exec \"$0\" \"$@\"");
+        command.args(["-c", &limited, env!("CARGO_BIN_EXE_gridfall")]);
+        Self::launch(command, data_dir, &[])
+    }
+
+    fn launch(mut command: Command, data_dir: &Path, arguments: &[&str]) -> Self {
+        let mut child = command
             .args(["serve", "--listen", "127.0.0.1:0", "--backend", "cpu", "--data-dir"])
             .arg(data_dir)
+            .args(arguments)
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
@@ -113,10 +131,14 @@ impl Server {
         self.wait_until(path, "frames", |job| job["progress"]["frames_written"].as_u64() >= Some(frames))
     }
 
+    /// The folder of a job.
+    pub fn job_dir(&self, job: &str) -> PathBuf {
+        self.data_dir.join("jobs").join(job.rsplit('/').next().unwrap())
+    }
+
     /// The file of an output of a job's last attempt.
     pub fn file(&self, job: &str, name: &str) -> PathBuf {
-        let attempt = self.job(job)["attempt"].to_string();
-        self.data_dir.join("jobs").join(job.rsplit('/').next().unwrap()).join(attempt).join(name)
+        self.job_dir(job).join(self.job(job)["attempt"].to_string()).join(name)
     }
 
     /// SIGKILL: none of the server's code runs any more.

@@ -1,0 +1,217 @@
+//! What workers ask of the table of jobs: the life of an attempt.
+
+use sqlx::AssertSqlSafe;
+use uuid::Uuid;
+
+use super::row::{ClaimRow, LostRow};
+use super::{Claim, Failure, JobStore, LEASE, MAX_DEATHS, Outcome, Progress, Recovered, Result, Status, known};
+use gridfall_engine::Backend;
+
+const LEASE_US: i64 = LEASE.as_micros() as i64;
+
+/// A time before and a time after which the end of a lease shows that nobody holds the job.
+#[derive(Clone, Copy)]
+struct Overdue(i64, i64);
+
+impl Overdue {
+    /// Whatever the lease says.
+    const ALWAYS: Self = Self(i64::MAX, i64::MAX);
+
+    /// A lease never ends later than its length from now, by clocks that differ by less than that. One that
+    /// does was taken before the clock went back, and lives on only if it is renewed at once.
+    fn at(now: i64) -> Self {
+        Self(now, now.saturating_add(2 * LEASE_US))
+    }
+}
+
+impl JobStore {
+    /// Claims the job that has waited longest, under a new lease. Jobs whose workers are gone are
+    /// among those that wait.
+    pub async fn claim(&self, owner: &str) -> Result<Option<Claim>> {
+        self.expire(|_| String::new()).await?;
+        let now = self.clock.now();
+        let row: Option<ClaimRow> = sqlx::query_as(AssertSqlSafe(format!(
+            "UPDATE jobs SET status = 'running', attempt = attempt + 1, owner = $1, lease_until = $2, \
+               started_at = $3, backend = NULL, \
+               sim_time_s = CASE WHEN checkpoint_frame IS NULL THEN 0.0 ELSE sim_time_s END, \
+               step = CASE WHEN checkpoint_frame IS NULL THEN 0 ELSE step END, \
+               frames_written = CASE WHEN checkpoint_frame IS NULL THEN 0 ELSE frames_written END, \
+               run_s = CASE WHEN checkpoint_frame IS NULL THEN 0.0 ELSE run_s END \
+             WHERE seq = (SELECT seq FROM jobs WHERE status = 'queued' ORDER BY seq LIMIT 1 {}) \
+             RETURNING id, attempt, scene, deaths",
+            self.database.skip_locked()
+        )))
+        .bind(owner)
+        .bind(now + LEASE_US)
+        .bind(now)
+        .fetch_optional(&self.database.writer)
+        .await?;
+        Ok(row.map(|row| row.0))
+    }
+
+    /// Records what an attempt runs on.
+    pub async fn set_backend(&self, id: Uuid, attempt: i64, backend: &Backend) -> Result<()> {
+        let backend = serde_json::to_string(backend).expect("a backend is plain data");
+        sqlx::query("UPDATE jobs SET backend = $1 WHERE id = $2 AND attempt = $3 AND status = 'running'")
+            .bind(backend)
+            .bind(id.to_string())
+            .bind(attempt)
+            .execute(&self.database.writer)
+            .await?;
+        Ok(())
+    }
+
+    /// Records an attempt's progress and renews its lease. Returns whether it should continue: false
+    /// after a request to cancel, or if the job is no longer this attempt's.
+    pub async fn heartbeat(&self, id: Uuid, attempt: i64, progress: &Progress) -> Result<bool> {
+        let cancel_requested: Option<i64> = sqlx::query_scalar(
+            "UPDATE jobs SET sim_time_s = $1, step = $2, frames_written = $3, run_s = $4, lease_until = $5 \
+             WHERE id = $6 AND attempt = $7 AND status = 'running' RETURNING cancel_requested",
+        )
+        .bind(progress.sim_time_s)
+        .bind(progress.step as i64)
+        .bind(progress.frames_written as i64)
+        .bind(progress.run_s)
+        .bind(self.clock.now() + LEASE_US)
+        .bind(id.to_string())
+        .bind(attempt)
+        .fetch_optional(&self.database.writer)
+        .await?;
+        Ok(cancel_requested == Some(0))
+    }
+
+    /// Notes that an attempt can be continued from a frame. A frame further than all before it shows
+    /// that the job gets on, and forgives its deaths. Returns false if the job is no longer this
+    /// attempt's.
+    pub async fn checkpointed(&self, id: Uuid, attempt: i64, frame: u64) -> Result<bool> {
+        let changed = sqlx::query(
+            "UPDATE jobs SET deaths = CASE WHEN checkpoint_frame >= $1 THEN deaths ELSE 0 END, \
+               checkpoint_frame = CASE WHEN checkpoint_frame >= $1 THEN checkpoint_frame ELSE $1 END \
+             WHERE id = $2 AND attempt = $3 AND status = 'running'",
+        )
+        .bind(frame as i64)
+        .bind(id.to_string())
+        .bind(attempt)
+        .execute(&self.database.writer)
+        .await?
+        .rows_affected();
+        Ok(changed > 0)
+    }
+
+    /// Ends an attempt and its job. Returns false if the job is no longer this attempt's.
+    pub async fn finish(&self, id: Uuid, attempt: i64, outcome: &Outcome) -> Result<bool> {
+        let (status, failure) = match outcome {
+            Outcome::Succeeded => (Status::Succeeded, None),
+            Outcome::Failed(failure) => (Status::Failed, Some(failure)),
+            Outcome::Canceled => (Status::Canceled, None),
+        };
+        let changed = sqlx::query(
+            "UPDATE jobs SET status = $1, finished_at = $2, failure_code = $3, failure_message = $4 \
+             WHERE id = $5 AND attempt = $6 AND status = 'running'",
+        )
+        .bind(status.as_str())
+        .bind(self.clock.now())
+        .bind(failure.map(|failure| failure.code.as_str()))
+        .bind(failure.map(|failure| failure.message.as_str()))
+        .bind(id.to_string())
+        .bind(attempt)
+        .execute(&self.database.writer)
+        .await?
+        .rows_affected();
+        Ok(changed > 0)
+    }
+
+    /// Puts back the job of an attempt that its server stopped; if the job was also canceled, it
+    /// ends instead. Returns the job's status, or `None` if the job is no longer this attempt's.
+    pub async fn put_back(&self, id: Uuid, attempt: i64) -> Result<Option<Status>> {
+        let status: Option<String> = sqlx::query_scalar(
+            "UPDATE jobs SET status = CASE cancel_requested WHEN 1 THEN 'canceled' ELSE 'queued' END, \
+               finished_at = CASE cancel_requested WHEN 1 THEN $1 END, \
+               started_at = CASE cancel_requested WHEN 1 THEN started_at END \
+             WHERE id = $2 AND attempt = $3 AND status = 'running' RETURNING status",
+        )
+        .bind(self.clock.now())
+        .bind(id.to_string())
+        .bind(attempt)
+        .fetch_optional(&self.database.writer)
+        .await?;
+        Ok(status.map(known))
+    }
+
+    /// Puts back the job of an attempt that lost its device. If that was its last chance
+    /// ([`MAX_DEATHS`]), the job fails with `failure`. Returns the job's status, or `None` if the job
+    /// is no longer this attempt's.
+    pub async fn lose(&self, id: Uuid, attempt: i64, failure: &Failure) -> Result<Option<Status>> {
+        self.die(id, attempt, failure, Overdue::ALWAYS).await
+    }
+
+    /// Puts back the jobs that the server of this name was running when it died. Those that have died
+    /// too often fail as `crashed`, with `tail`, the last lines of their log, behind the message. Call
+    /// before any claim, and only where a lock shows that no other server has this name.
+    pub async fn recover(&self, owner: &str, tail: impl Fn(Uuid) -> String + Send + Sync) -> Result<Vec<Recovered>> {
+        sqlx::query("UPDATE jobs SET lease_until = 0 WHERE owner = $1 AND status = 'running'")
+            .bind(owner)
+            .execute(&self.database.writer)
+            .await?;
+        self.expire(tail).await
+    }
+
+    /// The same for all jobs whose lease is over, whoever ran them.
+    pub async fn expire(&self, tail: impl Fn(Uuid) -> String + Send + Sync) -> Result<Vec<Recovered>> {
+        let overdue = Overdue::at(self.clock.now());
+        let lost: Vec<LostRow> = sqlx::query_as(
+            "SELECT id, attempt, deaths, frames_written, checkpoint_frame FROM jobs \
+             WHERE status = 'running' AND (lease_until < $1 OR lease_until > $2)",
+        )
+        .bind(overdue.0)
+        .bind(overdue.1)
+        .fetch_all(&self.database.reader)
+        .await?;
+        let mut recovered = Vec::new();
+        for LostRow { id, attempt, deaths, frames_written, checkpoint_frame } in lost {
+            let without = match checkpoint_frame {
+                Some(frame) => format!("without getting past its checkpoint at frame {frame}"),
+                None => "before its first checkpoint".into(),
+            };
+            let mut message = format!(
+                "the server died {} times in a row while it ran this job, last after {frames_written} frames, \
+                 {without}; look at the server's log and memory, or make the scene smaller",
+                deaths + 1
+            );
+            let tail = tail(id);
+            if !tail.is_empty() {
+                message = format!("{message}. Its last words:\n{tail}");
+            }
+            // Unless its worker has just come back with a heartbeat.
+            let status = self.die(id, attempt, &Failure::new("crashed", message), overdue).await?;
+            recovered.extend(status.map(|status| Recovered { id, status }));
+        }
+        Ok(recovered)
+    }
+
+    /// Ends an attempt that died, if its lease is overdue.
+    async fn die(&self, id: Uuid, attempt: i64, failure: &Failure, overdue: Overdue) -> Result<Option<Status>> {
+        let status: Option<String> = sqlx::query_scalar(
+            "UPDATE jobs SET deaths = deaths + 1, \
+               status = CASE WHEN cancel_requested = 1 THEN 'canceled' \
+               WHEN deaths + 1 >= $1 THEN 'failed' ELSE 'queued' END, \
+               started_at = CASE WHEN cancel_requested = 1 OR deaths + 1 >= $1 THEN started_at END, \
+               finished_at = CASE WHEN cancel_requested = 1 OR deaths + 1 >= $1 THEN $2 END, \
+               failure_code = CASE WHEN cancel_requested = 0 AND deaths + 1 >= $1 THEN $3 END, \
+               failure_message = CASE WHEN cancel_requested = 0 AND deaths + 1 >= $1 THEN $4 END \
+             WHERE id = $5 AND attempt = $6 AND status = 'running' AND (lease_until < $7 OR lease_until > $8) \
+             RETURNING status",
+        )
+        .bind(MAX_DEATHS)
+        .bind(self.clock.now())
+        .bind(&failure.code)
+        .bind(&failure.message)
+        .bind(id.to_string())
+        .bind(attempt)
+        .bind(overdue.0)
+        .bind(overdue.1)
+        .fetch_optional(&self.database.writer)
+        .await?;
+        Ok(status.map(known))
+    }
+}

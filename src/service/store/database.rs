@@ -1,0 +1,170 @@
+//! The database behind the store: SQLite or PostgreSQL. SQL elsewhere in the store is what both
+//! understand; what they do differently is here.
+
+use std::path::Path;
+use std::str::FromStr;
+use std::time::Duration;
+
+use sqlx::any::{Any, AnyConnectOptions, AnyPoolOptions, install_default_drivers};
+use sqlx::{AnyConnection, AnyPool, Connection, Executor, Transaction};
+use tokio::time::timeout;
+
+use super::{Result, StoreError};
+
+/// How long to wait for a database when the server starts.
+const CONNECT_PATIENCE: Duration = Duration::from_secs(10);
+/// How long a query waits for a connection. A request that waits longer fails.
+const ACQUIRE_PATIENCE: Duration = Duration::from_secs(10);
+/// Connections to PostgreSQL.
+const CONNECTIONS: u32 = 8;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Dialect {
+    Sqlite,
+    Postgres,
+}
+
+/// Connections to the database.
+#[derive(Clone, Debug)]
+pub(super) struct Database {
+    dialect: Dialect,
+    /// SQLite: one connection, so that writes never wait for each other inside SQLite.
+    pub writer: AnyPool,
+    pub reader: AnyPool,
+}
+
+impl Database {
+    /// Opens or creates a database in a file and migrates its schema.
+    pub async fn file(path: &Path) -> Result<Self> {
+        let opened = Self::sqlite(&format!("sqlite:{}", percent_encoded(path))).await;
+        opened.map_err(|error| match error {
+            StoreError::Database(error) => StoreError::Unopened { path: path.to_owned(), error },
+            other => other,
+        })
+    }
+
+    /// Connects to `postgres://…` or `sqlite:PATH` and migrates the schema.
+    pub async fn url(url: &str) -> Result<Self> {
+        match url.split_once(':') {
+            Some(("postgres" | "postgresql", _)) => Self::postgres(url).await,
+            Some(("sqlite", path)) => Self::file(Path::new(path.strip_prefix("//").unwrap_or(path))).await,
+            Some((scheme, _)) if scheme.bytes().all(|byte| byte.is_ascii_alphanumeric()) => {
+                Err(StoreError::Url { fault: format!("{scheme:?} is no kind of database that Gridfall knows") })
+            }
+            _ => Err(StoreError::Url { fault: "it does not begin with a kind of database".into() }),
+        }
+    }
+
+    async fn sqlite(url: &str) -> Result<Self> {
+        install_default_drivers();
+        let options = AnyConnectOptions::from_str(&format!("{url}?mode=rwc"))?;
+        let writer = AnyPoolOptions::new().max_connections(1).after_connect(|connection, _| {
+            // An accepted job survives a power failure, not only a crash.
+            Box::pin(async move {
+                connection.execute("PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL").await.map(drop)
+            })
+        });
+        let writer = writer.connect_with(options).await?;
+        sqlx::migrate!("store/migrations/sqlite").run(&writer).await?;
+        let options = AnyConnectOptions::from_str(&format!("{url}?mode=ro"))?;
+        let reader = AnyPoolOptions::new().max_connections(4).connect_with(options).await?;
+        Ok(Self { dialect: Dialect::Sqlite, writer, reader })
+    }
+
+    async fn postgres(url: &str) -> Result<Self> {
+        install_default_drivers();
+        // The error names no part of the URL, which may have the password in the wrong place.
+        let options = AnyConnectOptions::from_str(url).map_err(|error| StoreError::Url {
+            fault: match error {
+                sqlx::Error::Configuration(reason) => reason.to_string(),
+                _ => "it cannot be read".into(),
+            },
+        })?;
+        let unreachable = |reason: String| StoreError::Unreachable { place: place(&options), reason };
+        // The pool would try again and again, so that the reason would come late.
+        match timeout(CONNECT_PATIENCE, AnyConnection::connect_with(&options)).await {
+            Ok(Ok(connection)) => connection.close().await?,
+            Ok(Err(error)) => return Err(unreachable(error.to_string())),
+            Err(_) => return Err(unreachable(format!("no answer within {} s", CONNECT_PATIENCE.as_secs()))),
+        }
+        let pool = AnyPoolOptions::new().max_connections(CONNECTIONS).acquire_timeout(ACQUIRE_PATIENCE);
+        let pool = pool.connect_with(options.clone()).await?;
+        sqlx::migrate!("store/migrations/postgres").run(&pool).await?;
+        Ok(Self { dialect: Dialect::Postgres, writer: pool.clone(), reader: pool })
+    }
+
+    pub async fn close(&self) {
+        self.reader.close().await;
+        self.writer.close().await;
+    }
+
+    /// Begins a transaction that sees the queue as it is and keeps everybody else from adding to it.
+    pub async fn lock_queue(&self) -> sqlx::Result<Transaction<'static, Any>> {
+        match self.dialect {
+            Dialect::Sqlite => self.writer.begin_with("BEGIN IMMEDIATE").await,
+            Dialect::Postgres => {
+                let mut tx = self.writer.begin().await?;
+                // Any number will do, if all servers take the same one.
+                tx.execute("SELECT 1 FROM pg_advisory_xact_lock(7316530801)").await?;
+                Ok(tx)
+            }
+        }
+    }
+
+    /// Ends a `SELECT` of rows that the same statement is going to change: servers that do the same at
+    /// the same time take other rows instead of waiting for this one.
+    pub fn skip_locked(&self) -> &'static str {
+        match self.dialect {
+            // There is one writer.
+            Dialect::Sqlite => "",
+            Dialect::Postgres => "FOR UPDATE SKIP LOCKED",
+        }
+    }
+}
+
+/// Host and database of a URL, for people, without user and password.
+fn place(options: &AnyConnectOptions) -> String {
+    let url = &options.database_url;
+    // A password with an unescaped `/` or `?` ends up behind the host.
+    let plain = !url.as_str().split_once("://").is_some_and(|(_, rest)| rest.matches('@').count() > 1)
+        && !url.path().contains('@')
+        && !url.query().unwrap_or_default().contains('@');
+    match (plain, url.host_str()) {
+        (true, Some(host)) => {
+            let port = url.port().map(|port| format!(":{port}")).unwrap_or_default();
+            format!("{host}{port}{}", url.path())
+        }
+        _ => "its server".into(),
+    }
+}
+
+/// A path in a URL.
+fn percent_encoded(path: &Path) -> String {
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"/-_.".contains(&byte);
+    let bytes = path.as_os_str().as_encoded_bytes().iter();
+    bytes.map(|&byte| if plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_have_no_password() {
+        let place = |url| place(&AnyConnectOptions::from_str(url).unwrap());
+        assert_eq!(place("postgres://me:secret@db.example:5433/jobs?password=secret"), "db.example:5433/jobs");
+        for url in ["postgres://me:12/secret@db/jobs", "postgres://me:12?secret@db/jobs"] {
+            assert_eq!(place(url), "its server");
+        }
+    }
+
+    #[tokio::test]
+    async fn a_database_may_have_any_path() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["plain", "with space", "a?mode=memory#b%20", "ünï"] {
+            let path = dir.path().join(name);
+            Database::file(&path).await.unwrap().close().await;
+            assert!(path.exists(), "{name}");
+        }
+    }
+}

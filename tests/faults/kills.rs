@@ -1,0 +1,100 @@
+//! `kill -9` of the server, again and again, on both databases.
+
+use std::path::Path;
+use std::thread::sleep;
+use std::time::Duration;
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::support::Server;
+use super::work::{compare, scenes, undisturbed};
+use super::{postgres, work};
+
+/// Jobs that wait or run at any time.
+const LOAD: usize = 4;
+
+fn kills() -> usize {
+    std::env::var("GRIDFALL_KILLS").map_or(12, |kills| kills.parse().expect("GRIDFALL_KILLS is a number"))
+}
+
+fn kill_again_and_again(dir: &Path, database: Option<&str>, seed: u64) {
+    let (mut rng, kills) = (ChaCha8Rng::seed_from_u64(seed), kills());
+    println!("seed {seed}, {kills} kills");
+    let expected = undisturbed(&dir.join("undisturbed"));
+    let data_dir = dir.join("killed");
+    let mut arguments = vec!["--checkpoint-seconds", "0.2"];
+    arguments.extend(database.iter().flat_map(|url| ["--database", url]));
+    let start = || Server::start_with(&data_dir, &arguments);
+    let mut jobs: Vec<(String, usize)> = Vec::new();
+    for _ in 0..kills {
+        let server = start();
+        let open = jobs.iter().filter(|(job, _)| matches!(status(&server, job).as_str(), "queued" | "running")).count();
+        for _ in open..LOAD {
+            let kind = jobs.len() % scenes().len();
+            jobs.push((server.submit(scenes()[kind].clone()), kind));
+        }
+        sleep(Duration::from_millis(rng.random_range(50..900)));
+        server.kill();
+    }
+    let server = start();
+    let mut attempts = 0;
+    let mut resumed = 0;
+    for (job, kind) in &jobs {
+        let ended = server.wait_for(job, "succeeded");
+        let attempt = ended["attempt"].as_u64().unwrap();
+        attempts += attempt;
+        resumed += u64::from(attempt > 1);
+        compare(&server, job, &expected[*kind]);
+    }
+    println!("{} jobs in {attempts} attempts, {resumed} of them with more than one", jobs.len());
+    assert!(resumed > 0, "no kill hit a job");
+    // What only a job that goes on needs is gone.
+    for (job, _) in &jobs {
+        let attempt = server.file(job, "checkpoints");
+        assert!(!attempt.exists(), "{attempt:?}");
+    }
+}
+
+fn status(server: &Server, job: &str) -> String {
+    server.job(job)["status"].as_str().unwrap().to_owned()
+}
+
+#[test]
+fn jobs_survive_kills_of_a_server_with_sqlite() {
+    let dir = tempfile::tempdir().unwrap();
+    kill_again_and_again(dir.path(), None, 15);
+}
+
+#[test]
+fn jobs_survive_kills_of_a_server_with_postgresql() {
+    let dir = tempfile::tempdir().unwrap();
+    let url = postgres::shared().database();
+    kill_again_and_again(dir.path(), Some(&url), 16);
+}
+
+/// A scene that kills its server each time is given up, with the reason; what waits behind it runs.
+#[test]
+fn a_job_that_never_gets_on_is_given_up_and_says_what_it_was_doing() {
+    let dir = tempfile::tempdir().unwrap();
+    // Frames that last longer than the server lives.
+    let mut scene = scenes().remove(0);
+    scene["domain"]["dx"] = 0.005.into();
+    scene["time"]["frame_rate"] = 2.into();
+    let mut job = String::new();
+    for _ in 0..5 {
+        let server = Server::start(dir.path());
+        if job.is_empty() {
+            job = server.submit(scene.clone());
+        }
+        server.wait_for_frames(&job, 1);
+        server.kill();
+    }
+    let server = Server::start(dir.path());
+    let ended = server.wait_for(&job, "failed");
+    assert_eq!(ended["failure"]["code"], "crashed");
+    let message = ended["failure"]["message"].as_str().unwrap();
+    assert!(message.contains("5 times") && message.contains("attempt 5 runs from the start"), "{message}");
+    let next = server.submit(work::scenes().remove(0));
+    server.wait_for(&next, "succeeded");
+}
