@@ -8,12 +8,20 @@ use std::path::{Path, PathBuf};
 pub enum RecordingError {
     #[error("cannot {action} {path}: {source}")]
     Io { action: &'static str, path: PathBuf, source: io::Error },
-    #[error("cannot write {path}: {source}")]
+    #[error("cannot write {path}: {}", cause(source))]
     Mcap { path: PathBuf, source: mcap::McapError },
     #[error("{path} is not a recording: {reason}")]
     Damaged { path: PathBuf, reason: String },
     #[error("{path} is not a whole checkpoint: {reason}")]
     Checkpoint { path: PathBuf, reason: String },
+}
+
+/// What the system says, where it is the system that failed.
+fn cause(error: &mcap::McapError) -> String {
+    match error {
+        mcap::McapError::Io(error) => error.to_string(),
+        other => other.to_string(),
+    }
 }
 
 impl RecordingError {

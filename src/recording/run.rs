@@ -63,7 +63,8 @@ pub trait Observer: Control {
     /// A checkpoint could not be written, and why. The run goes on.
     fn checkpoint_failed(&self, _reason: &str) {}
 
-    /// Asked at each frame boundary, after [`Self::checkpoint_due`]: whether the run ends there, as if canceled.
+    /// Asked at each frame boundary but the first and the last: whether the run is saved there, and ends as if
+    /// canceled.
     fn pauses(&self) -> bool {
         false
     }
@@ -340,7 +341,9 @@ fn step(
         }
         let mut taken = Frame::take(setup, engine, wanted, &mut inlets, frame, stats)?;
         let between = frame > 0 && frame < u64::from(setup.frames);
-        if let Some(dir) = checkpoints.filter(|_| between && observer.checkpoint_due()) {
+        // Asked once: a run that ends here has its state saved here.
+        let pauses = between && observer.pauses();
+        if let Some(dir) = checkpoints.filter(|_| pauses || between && observer.checkpoint_due()) {
             match Draft::write(dir, frame, engine) {
                 Ok(draft) => taken.draft = Some(draft),
                 Err(StateError::Engine(error)) => return Err(error),
@@ -352,7 +355,7 @@ fn step(
         if !take(taken) {
             break;
         }
-        if between && observer.pauses() {
+        if pauses {
             return Err(EngineError::Canceled);
         }
     }

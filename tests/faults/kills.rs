@@ -7,9 +7,9 @@ use std::time::Duration;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::postgres;
 use super::support::Server;
 use super::work::{compare, scenes, undisturbed};
-use super::{postgres, work};
 
 /// Jobs that wait or run at any time.
 const LOAD: usize = 4;
@@ -34,7 +34,7 @@ fn kill_again_and_again(dir: &Path, database: Option<&str>, seed: u64) {
             let kind = jobs.len() % scenes().len();
             jobs.push((server.submit(scenes()[kind].clone()), kind));
         }
-        sleep(Duration::from_millis(rng.random_range(50..900)));
+        sleep(Duration::from_millis(rng.random_range(200..1200)));
         server.kill();
     }
     let server = start();
@@ -49,11 +49,6 @@ fn kill_again_and_again(dir: &Path, database: Option<&str>, seed: u64) {
     }
     println!("{} jobs in {attempts} attempts, {resumed} of them with more than one", jobs.len());
     assert!(resumed > 0, "no kill hit a job");
-    // What only a job that goes on needs is gone.
-    for (job, _) in &jobs {
-        let attempt = server.file(job, "checkpoints");
-        assert!(!attempt.exists(), "{attempt:?}");
-    }
 }
 
 fn status(server: &Server, job: &str) -> String {
@@ -71,30 +66,4 @@ fn jobs_survive_kills_of_a_server_with_postgresql() {
     let dir = tempfile::tempdir().unwrap();
     let url = postgres::shared().database();
     kill_again_and_again(dir.path(), Some(&url), 16);
-}
-
-/// A scene that kills its server each time is given up, with the reason; what waits behind it runs.
-#[test]
-fn a_job_that_never_gets_on_is_given_up_and_says_what_it_was_doing() {
-    let dir = tempfile::tempdir().unwrap();
-    // Frames that last longer than the server lives.
-    let mut scene = scenes().remove(0);
-    scene["domain"]["dx"] = 0.005.into();
-    scene["time"]["frame_rate"] = 2.into();
-    let mut job = String::new();
-    for _ in 0..5 {
-        let server = Server::start(dir.path());
-        if job.is_empty() {
-            job = server.submit(scene.clone());
-        }
-        server.wait_for_frames(&job, 1);
-        server.kill();
-    }
-    let server = Server::start(dir.path());
-    let ended = server.wait_for(&job, "failed");
-    assert_eq!(ended["failure"]["code"], "crashed");
-    let message = ended["failure"]["message"].as_str().unwrap();
-    assert!(message.contains("5 times") && message.contains("attempt 5 runs from the start"), "{message}");
-    let next = server.submit(work::scenes().remove(0));
-    server.wait_for(&next, "succeeded");
 }

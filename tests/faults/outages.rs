@@ -1,12 +1,13 @@
 //! The database goes away, or the disk takes no more.
 
+use std::process::Command;
 use std::thread::sleep;
 use std::time::Duration;
 
 use serde_json::json;
 
 use super::postgres::Postgres;
-use super::support::Server;
+use super::support::{Server, endless, short};
 use super::work::{compare, scenes, undisturbed};
 
 #[test]
@@ -37,14 +38,15 @@ fn a_job_outlives_an_outage_of_the_database() {
 fn a_job_whose_files_cannot_be_written_fails_with_the_reason_and_the_server_lives() {
     let dir = tempfile::tempdir().unwrap();
     // No file may grow past 6 MiB: what a full disk does to a recording, and not to the database.
-    let server = Server::start_limited(dir.path(), 6 << 10);
-    let mut scene = scenes().remove(0);
+    let mut limited = Command::new("bash");
+    limited.args(["-c", "trap '' XFSZ; ulimit -f 6144; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_gridfall")]);
+    let server = Server::launch(limited, dir.path(), &[]);
+    let mut scene = endless();
     scene["domain"]["dx"] = 0.004.into();
     let job = server.submit(scene);
     let ended = server.wait_for(&job, "failed");
     assert_eq!(ended["failure"]["code"], "output");
     let message = ended["failure"]["message"].as_str().unwrap();
     assert!(message.contains("recording.mcap") && message.contains("File too large"), "{message}");
-    let small = server.submit(scenes().remove(2));
-    server.wait_for(&small, "succeeded");
+    server.wait_for(&server.submit(short()), "succeeded");
 }

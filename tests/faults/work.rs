@@ -7,7 +7,8 @@ use serde_json::{Value, json};
 use super::support::Server;
 
 /// Outputs that must be the same, to the byte.
-const OUTPUTS: [&str; 4] = ["recording.mcap", "diagnostics?format=csv", "diagnostics?per=step&format=csv", "thumbnail.png"];
+const OUTPUTS: [&str; 4] =
+    ["recording.mcap", "diagnostics?format=csv", "diagnostics?per=step&format=csv", "thumbnail.png"];
 
 /// Explicit and implicit runs with memories: a stream, contact with friction, plastic flow.
 pub fn scenes() -> Vec<Value> {

@@ -152,8 +152,7 @@ impl Observer for Follower<'_> {
 
     fn checkpoint_due(&self) -> bool {
         let mut pace = self.pace();
-        let waited = pace.last.elapsed() >= self.every.max(SPARING * pace.cost);
-        let due = pace.asked.is_none() && (waited || self.context.shared.stopping());
+        let due = pace.asked.is_none() && pace.last.elapsed() >= self.every.max(SPARING * pace.cost);
         if due {
             pace.asked = Some(Instant::now());
         }

@@ -194,6 +194,8 @@ fn a_job_that_brings_down_every_server_fails_and_keeps_its_recording() {
     }
     let failed = server.job(&job);
     assert_eq!((&failed["status"], &failed["failure"]["code"]), (&json!("failed"), &json!("crashed")));
+    let message = failed["failure"]["message"].as_str().unwrap();
+    assert!(message.contains("5 times") && message.contains("attempt 5 runs from the start"), "{message}");
     assert!(frames_of(&server.get(&format!("{job}/recording.mcap")).body) >= 2);
     server.wait_for(&server.submit(short()), "succeeded");
 }

@@ -46,15 +46,8 @@ impl Server {
         Self::launch(Command::new(env!("CARGO_BIN_EXE_gridfall")), data_dir, arguments)
     }
 
-    /// The same, where no file can grow beyond a size: writes fail as they do on a full disk.
-    pub fn start_limited(data_dir: &Path, kibibytes: u64) -> Self {
-        let mut command = Command::new("bash");
-        let limited = format!("trap '' XFSZ; ulimit -f {kibibytes}; exec \"$0\" \"$@\"");
-        command.args(["-c", &limited, env!("CARGO_BIN_EXE_gridfall")]);
-        Self::launch(command, data_dir, &[])
-    }
-
-    fn launch(mut command: Command, data_dir: &Path, arguments: &[&str]) -> Self {
+    /// The same with a command of the caller's, which gets the arguments.
+    pub fn launch(mut command: Command, data_dir: &Path, arguments: &[&str]) -> Self {
         let mut child = command
             .args(["serve", "--listen", "127.0.0.1:0", "--backend", "cpu", "--data-dir"])
             .arg(data_dir)
