@@ -1,10 +1,8 @@
 //! What an engine does, whichever device it runs on: the trait, its errors and its controls.
 
-use std::io::{Read, Write};
+use std::io::{self, Read, Write};
 
 use serde::{Deserialize, Serialize};
-
-pub use super::state::StateError;
 
 use gridfall_core::sim::particles::Particles;
 pub use gridfall_core::sim::stats::{FrameStats, Solve};
@@ -94,6 +92,15 @@ impl EngineError {
             Self::NoDevice(_) => "no_device",
         }
     }
+}
+
+/// Why a state was not saved, or not restored.
+#[derive(Debug, thiserror::Error)]
+pub enum StateError {
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    #[error("{0}")]
+    Io(#[from] io::Error),
 }
 
 /// A loaded simulation on one device. Construction loads the problem at time 0.

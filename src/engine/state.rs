@@ -5,19 +5,9 @@ use std::io::{self, Read, Write};
 
 use bytemuck::Pod;
 
-use super::contract::EngineError;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::Reaction;
 use gridfall_core::sim::touch::Touch;
-
-/// Why a state was not saved, or not restored.
-#[derive(Debug, thiserror::Error)]
-pub enum StateError {
-    #[error(transparent)]
-    Engine(#[from] EngineError),
-    #[error("{0}")]
-    Io(#[from] io::Error),
-}
 
 /// Of a state that is not one of this problem's.
 pub(crate) fn foreign(what: &str) -> io::Error {

@@ -12,7 +12,6 @@ mod colliders;
 mod diagnostics;
 mod excerpt;
 mod files;
-mod keeper;
 mod palette;
 mod picture;
 mod points;

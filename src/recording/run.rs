@@ -1,15 +1,18 @@
 //! Runs a problem on an engine from the first frame to the last, and writes its results.
 
+mod keeper;
+
 use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::thread;
 
 use crate::appearance::Appearance;
+use keeper::Keeper;
+
 use crate::checkpoint::{self, Checkpoint, Draft};
 use crate::excerpt::Excerpt;
 use crate::files::RecordingError;
-use crate::keeper::Keeper;
 use crate::picture::thumbnail_selection;
 use gridfall_core::sim::diagnostics::{Row, Totals};
 use gridfall_core::sim::inlet::Inlets;
@@ -247,15 +250,15 @@ pub fn advance(
 }
 
 /// What is kept of a frame. Nothing else leaves the engine's thread.
-pub(crate) struct Frame {
-    pub row: Row,
-    pub solves: Vec<Solve>,
+struct Frame {
+    row: Row,
+    solves: Vec<Solve>,
     /// Excerpt of the writer's selection.
-    pub excerpt: Excerpt,
+    excerpt: Excerpt,
     /// Excerpt of the picture's selection, in the last frame.
-    pub still: Option<Excerpt>,
+    still: Option<Excerpt>,
     /// The state at its end, where a checkpoint was due.
-    pub draft: Option<Draft>,
+    draft: Option<Draft>,
 }
 
 /// Selections of particles, by index in sampling order.

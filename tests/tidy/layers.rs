@@ -47,15 +47,22 @@ pub const SCENE: &[Layer] = &[
 pub const ENGINE: &[Layer] = &[
     ("contract", &[]),
     ("keys", &[]),
+    ("state", &[]),
     ("gpu", &["contract"]),
-    ("explicit::cpu", &["contract", "keys"]),
-    ("explicit::gpu", &["contract", "gpu"]),
+    ("explicit::cpu", &["contract", "keys", "state"]),
+    ("explicit::gpu", &["contract", "state", "gpu"]),
     ("implicit::step", &[]),
-    ("implicit::engine", &["contract", "implicit::step"]),
+    ("implicit::engine", &["contract", "state", "implicit::step"]),
     ("implicit::solver", &["contract", "keys"]),
     ("implicit::physics", &["contract", "keys", "implicit::solver"]),
-    ("implicit::cpu", &["contract", "implicit::step", "implicit::engine", "implicit::solver", "implicit::physics"]),
-    ("implicit::gpu", &["contract", "gpu", "explicit::gpu", "implicit::step", "implicit::engine", "implicit::solver"]),
+    (
+        "implicit::cpu",
+        &["contract", "state", "implicit::step", "implicit::engine", "implicit::solver", "implicit::physics"],
+    ),
+    (
+        "implicit::gpu",
+        &["contract", "state", "gpu", "explicit::gpu", "implicit::step", "implicit::engine", "implicit::solver"],
+    ),
     ("programs", &["gpu", "explicit::gpu", "implicit::gpu"]),
     ("choice", &["contract", "gpu", "explicit::cpu", "explicit::gpu", "implicit::engine", "implicit::gpu"]),
 ];
@@ -73,7 +80,8 @@ pub const RECORDING: &[Layer] = &[
     ("picture", &["excerpt", "colliders", "appearance", "palette"]),
     ("writer", &["provenance", "files", "excerpt", "diagnostics", "colliders", "appearance", "points", "picture"]),
     ("recovery", &["files"]),
-    ("run", &["files", "excerpt", "appearance", "picture", "writer"]),
+    ("checkpoint", &["provenance", "files"]),
+    ("run", &["files", "excerpt", "appearance", "picture", "writer", "checkpoint"]),
 ];
 
 pub const SERVICE: &[Layer] = &[("store", &[]), ("jobs", &["store"]), ("http", &["store", "jobs"])];

@@ -5,11 +5,11 @@ use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
+use super::{Earlier, Frame, FrameReport, Observer, Outputs, RunError, Subject, Summary};
 use crate::checkpoint::{self, Draft, Reached};
 use crate::excerpt::Excerpt;
 use crate::files::{RecordingError, partial_path, sync, write_file};
 use crate::picture::thumbnail;
-use crate::run::{Earlier, Frame, FrameReport, Observer, Outputs, RunError, Subject, Summary};
 use crate::writer::{Header, Severity, Writer};
 use gridfall_core::sim::diagnostics::{Row, SolverRow};
 use gridfall_core::sim::setup::Setup;
@@ -63,7 +63,7 @@ fn unconverged(solves: &[Solve], tolerance: f64) -> Option<String> {
 }
 
 /// The files of a run.
-pub(crate) struct Keeper<'a> {
+pub struct Keeper<'a> {
     subject: Subject<'a>,
     /// What checkpoints of the run agree with.
     key: String,
