@@ -7,7 +7,7 @@
 //!
 //! ```text
 //! names, schema, fault, limits, suggest, vectors, memory
-//! document, overrides, structure                     text and JSON to a scene
+//! document, overrides, size, structure               text and JSON to a scene
 //! mesh, points, assets                               files
 //! sampling, grid, shape                              lattices, streams, signed distances
 //! resolve
@@ -31,6 +31,7 @@ mod resolve;
 mod sampling;
 pub mod schema;
 mod shape;
+mod size;
 mod structure;
 mod suggest;
 mod validate;
@@ -63,6 +64,10 @@ pub fn parse_with(json: &str, overrides: &[String]) -> Result<Scene, Vec<Fault>>
 /// [`parse`] for a document that is a JSON value already.
 pub fn from_value(document: &Value) -> Result<Scene, Vec<Fault>> {
     let mut faults = Faults::default();
+    size::check(document, &mut faults);
+    if !faults.is_empty() {
+        return Err(faults.into_vec());
+    }
     let repaired = structure::check(document, &mut faults);
     let scene: Scene = match serde_json::from_value(repaired) {
         Ok(scene) => scene,
