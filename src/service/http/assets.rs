@@ -25,13 +25,13 @@ use gridfall_scene::assets::examine;
             headers(("Location" = String, description = "Path of the asset"))),
         (status = 422, body = dto::Problem, content_type = PROBLEM, description = "`invalid_asset`"),
     ))]
-pub async fn put(State(api): State<Api>, AssetBody(bytes): AssetBody) -> Result<Response, Problem> {
+pub async fn put(State(api): State<Api>, AssetBody(bytes, room): AssetBody) -> Result<Response, Problem> {
     let permit = permit(&api).await?;
     let files = api.data.assets();
     let kept = tokio::task::spawn_blocking(move || {
         // Held here and not by the request: a client that disconnects does not make the work
         // cheaper.
-        let _permit = permit;
+        let (_permit, _room) = (permit, room);
         let kind = examine(&bytes).map_err(|reason| Problem::new(Code::InvalidAsset, reason))?;
         files.put(&bytes, kind).map_err(Problem::from)
     });

@@ -327,7 +327,7 @@ pub struct Ready {
 /// One condition of readiness.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Check {
-    /// `store`, `worker` or `device`.
+    /// `store`, `worker`, `device` or `disk`.
     pub name: &'static str,
     pub ok: bool,
     pub detail: String,

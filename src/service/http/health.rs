@@ -14,6 +14,20 @@ pub async fn livez() -> Json<Live> {
     Json(Live { status: "live", version: env!("CARGO_PKG_VERSION") })
 }
 
+/// Is there room for one more recording?
+pub fn disk(api: &Api) -> Check {
+    let least = api.config.min_free_bytes;
+    let (ok, detail) = match api.data.free_bytes() {
+        Ok(free) if free >= least => (true, format!("{} MiB are free", free >> 20)),
+        Ok(free) => {
+            let (free, least) = (free >> 20, least >> 20);
+            (false, format!("{free} MiB are free, and jobs need {least} MiB (--min-free-bytes); delete jobs or files"))
+        }
+        Err(error) => (false, format!("the data directory's file system does not answer: {error}")),
+    };
+    Check { name: "disk", ok, detail }
+}
+
 /// Can the server take and run jobs, and if not, why?
 #[utoipa::path(get, path = "/readyz", tag = "health", responses(
     (status = 200, body = Ready),
@@ -38,7 +52,7 @@ pub async fn readyz(State(api): State<Api>) -> Result<Json<Ready>, Problem> {
         DeviceState::Unusable(reason) => Check { name: "device", ok: false, detail: reason },
         DeviceState::Stopped => Check { name: "device", ok: false, detail: "the devices are closed".into() },
     };
-    let checks = vec![store, worker, device];
+    let checks = vec![store, worker, device, disk(&api)];
     if checks.iter().all(|check| check.ok) {
         Ok(Json(Ready { status: "ready", checks }))
     } else {

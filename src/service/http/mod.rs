@@ -1,12 +1,18 @@
 //! The HTTP API. `router` lists all of it on one page.
 
 mod assets;
+mod conditional;
+mod connections;
+mod cors;
 mod dto;
+mod encoding;
 mod extract;
+mod guard;
 mod health;
 mod index;
 mod jobs;
 mod layers;
+mod load;
 mod metrics;
 mod openapi;
 mod outputs;

@@ -8,12 +8,12 @@ use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::timeout;
 
 use super::dto::{self, SubmitJob, ValidScene};
-use super::extract::JsonBody;
+use super::extract::{JsonBody, Room};
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
 use crate::jobs::admission::{Admitted, admit};
-use gridfall_scene as scene;
+use gridfall_scene::{self as scene, Limits};
 
 /// Judges a scene without running it: what it costs, or all its faults. Takes the body of a submission.
 #[utoipa::path(post, path = "/v1/scenes:validate", tag = "scenes", request_body = SubmitJob,
@@ -24,14 +24,14 @@ use gridfall_scene as scene;
     ))]
 pub async fn validate(
     State(api): State<Api>,
-    JsonBody(request): JsonBody<SubmitJob>,
+    JsonBody(request, room): JsonBody<SubmitJob>,
 ) -> Result<Json<ValidScene>, Problem> {
     let judged = |Admitted { problem, .. }: Admitted| {
         let estimate = scene::estimate::estimate(&problem).into();
         let notices = problem.setup.notices.into_iter().map(dto::Notice::from).collect();
         ValidScene { valid: true, notices, estimate }
     };
-    Ok(Json(judge(&api, request, judged).await?))
+    Ok(Json(judge(&api, request, room, judged).await?))
 }
 
 /// Waits for permission to check a scene; only a limited number is checked at a time.
@@ -47,14 +47,16 @@ pub async fn permit(api: &Api) -> Result<OwnedSemaphorePermit, Problem> {
 pub async fn judge<T: Send + 'static>(
     api: &Api,
     request: SubmitJob,
+    room: Room,
     with: impl FnOnce(Admitted) -> T + Send + 'static,
 ) -> Result<T, Problem> {
     let permit = permit(api).await?;
-    let (limits, assets) = (api.config.limits, api.data.assets());
+    let limits = Limits { max_work: api.config.max_work, ..api.config.limits };
+    let assets = api.data.assets();
     let judged = tokio::task::spawn_blocking(move || {
         // Held here and not by the request: a client that disconnects does not make the work
         // cheaper.
-        let _permit = permit;
+        let (_permit, _room) = (permit, room);
         let overrides: Vec<String> = request.overrides.iter().map(|(path, value)| format!("{path}={value}")).collect();
         admit(request.scene, &overrides, &limits, &assets).map(with)
     });

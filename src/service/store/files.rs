@@ -38,6 +38,11 @@ impl DataDir {
         self.root.join("gridfall.sqlite")
     }
 
+    /// Space for more on the file system (bytes).
+    pub fn free_bytes(&self) -> io::Result<u64> {
+        fs4::available_space(&self.root)
+    }
+
     pub fn assets(&self) -> AssetFiles {
         self.assets.clone()
     }

@@ -65,6 +65,13 @@ fn every_error_is_a_documented_problem() {
         ("POST", "/v1/jobs", &[], &valid, 415, "unsupported_media_type"),
         ("POST", "/v1/jobs", &[("content-type", "text/plain")], &valid, 415, "unsupported_media_type"),
         ("POST", "/v1/scenes:validate", &[], "{}", 415, "unsupported_media_type"),
+        ("POST", "/v1/jobs", &[JSON, ("content-encoding", "br")], &valid, 415, "unsupported_encoding"),
+        ("POST", "/v1/jobs", &[JSON, ("content-encoding", "gzip")], &valid, 400, "invalid_body"),
+        ("POST", "/v1/jobs", &[JSON, ("origin", "https://evil.example")], &valid, 403, "foreign_origin"),
+        ("PUT", "/v1/assets", &[("origin", "null")], "x", 403, "foreign_origin"),
+        ("POST", &format!("{nobody}/cancel"), &[("host", "rebound.example")], "", 403, "unknown_host"),
+        ("POST", &format!("{nobody}/cancel"), &[("if-match", "*")], "", 404, "job_not_found"),
+        ("GET", &format!("{nobody}/recording-so-far.mcap"), &[], "", 404, "job_not_found"),
         ("POST", "/v1/jobs", &[JSON], "{", 400, "invalid_json"),
         ("POST", "/v1/jobs", &[JSON], "", 400, "invalid_json"),
         ("POST", "/v1/scenes:validate", &[JSON], "{\"scene\": {},}", 400, "invalid_json"),
@@ -117,11 +124,13 @@ fn every_error_is_a_documented_problem() {
     let (running, waiting) = (server.submit(support::endless()), server.submit(support::short()));
     server.wait_for(&running, "running");
     for job in [&running, &waiting] {
+        let stale = server.call("DELETE", job, &[("if-match", "\"another\"")], "");
+        assert_problem(&document, ("DELETE", job), &stale, 412, "precondition_failed");
         assert_problem(&document, ("DELETE", job), &server.call("DELETE", job, &[], ""), 409, "job_not_finished");
     }
     let path = format!("{running}/thumbnail.png");
     assert_problem(&document, ("GET", &path), &server.get(&path), 404, "output_not_found");
-    for output in ["recording.mcap", "thumbnail.png", "diagnostics"] {
+    for output in ["recording.mcap", "recording-so-far.mcap", "thumbnail.png", "diagnostics"] {
         let path = format!("{waiting}/{output}");
         assert_problem(&document, ("GET", &path), &server.get(&path), 404, "output_not_found");
     }

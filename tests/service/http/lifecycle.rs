@@ -214,7 +214,7 @@ fn metrics_count_jobs_without_naming_them() {
     // The worker counts a job just after its end can be seen.
     let ended = "gridfall_jobs_ended_total{status=\"succeeded\"} 1";
     let read = || {
-        let answer = server.get("/metrics");
+        let answer = server.call("GET", "/metrics", &[("accept", "application/openmetrics-text;version=1.0.0")], "");
         assert!(answer.header("content-type").starts_with("application/openmetrics-text"));
         String::from_utf8(answer.body).unwrap()
     };

@@ -38,9 +38,15 @@ impl Answer {
 impl Server {
     /// Starts a server on a data directory and waits until it listens.
     pub fn start(data_dir: &Path) -> Self {
+        Self::start_with(data_dir, &[])
+    }
+
+    /// The same with more arguments.
+    pub fn start_with(data_dir: &Path, more: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_gridfall"))
             .args(["serve", "--listen", "127.0.0.1:0", "--backend", "cpu", "--data-dir"])
             .arg(data_dir)
+            .args(more)
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
