@@ -28,6 +28,10 @@ impl Version {
         Self { tag, modified: Some(UNIX_EPOCH + Duration::from_secs(since.as_secs())) }
     }
 
+    pub fn tag(&self) -> &str {
+        &self.tag
+    }
+
     /// Fails where the client's preconditions do not hold. Returns the whole answer, 304, where the
     /// client has this version already.
     pub fn judge(&self, method: &Method, request: &HeaderMap) -> Result<Option<Response>, Problem> {

@@ -101,6 +101,27 @@ pub struct Backend {
     pub reason: String,
 }
 
+/// What jobs run on.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct DeviceList {
+    /// `ready`, `opening`, `unusable` or `stopped`.
+    pub state: &'static str,
+    /// Which devices were taken and why, or why none can be used.
+    pub reason: String,
+    /// The preferred one first; scenes that it cannot run go to the next.
+    pub devices: Vec<Backend>,
+}
+
+/// How to read a recording.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct RecordingQuery {
+    /// Of a job that has not ended: send the recording as it grows, until it is complete.
+    #[serde(default)]
+    pub follow: bool,
+}
+
 /// Why a job failed.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Failure {

@@ -5,6 +5,7 @@ use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use sha2::{Digest, Sha256};
+use tokio::time::{Duration, Instant, timeout_at};
 use uuid::Uuid;
 
 use super::conditional::Version;
@@ -123,25 +124,52 @@ pub async fn list(State(api): State<Api>, Query(query): Query<ListJobs>) -> Resu
     params(
         ("id" = Uuid, Path),
         ("If-None-Match" = Option<String>, Header, description = "`ETag` of an earlier answer"),
+        ("Prefer" = Option<String>, Header, description = "`wait=SECONDS`: answer when the job is no longer as in \
+            `If-None-Match` or, without that, when it has ended; at the latest after so long, and after a minute"),
     ),
     responses(
-        (status = 200, body = dto::Job, headers(("ETag" = String))),
+        (status = 200, body = dto::Job, headers(("ETag" = String), ("Preference-Applied" = String))),
         (status = 304, description = "The job is as it was"),
     ))]
 pub async fn get(State(api): State<Api>, JobId(id): JobId, headers: HeaderMap) -> Result<Response, Problem> {
+    let wait = preferred_wait(&headers).map(|seconds| seconds.min(api.config.max_wait.as_secs()));
+    let Some(seconds) = wait else { return now(&api, id, &headers).await.map(|(answer, _)| answer) };
+    let until = Instant::now() + Duration::from_secs(seconds);
+    let mut seen = api.watch(id).await?;
+    loop {
+        let (mut answer, ended) = now(&api, id, &headers).await?;
+        // With a tag the client waits for any change, without one for the end.
+        let changed = headers.contains_key(header::IF_NONE_MATCH) && answer.status() != StatusCode::NOT_MODIFIED;
+        if ended || changed || timeout_at(until, seen.changed()).await.is_err() {
+            let applied = HeaderValue::try_from(format!("wait={seconds}")).expect("digits are fit for a header");
+            answer.headers_mut().insert("preference-applied", applied);
+            return Ok(answer);
+        }
+    }
+}
+
+/// A job as it stands, and whether it has ended.
+async fn now(api: &Api, id: Uuid, headers: &HeaderMap) -> Result<(Response, bool), Problem> {
     let job = api.store.get(id).await?.ok_or_else(|| Problem::job_not_found(id))?;
+    let ended = job.status.is_terminal();
     let body = serde_json::to_vec(&dto::Job::from(job)).map_err(internal)?;
     let version = version(&body);
-    if let Some(answer) = version.judge(&Method::GET, &headers)? {
-        return Ok(answer);
+    if let Some(answer) = version.judge(&Method::GET, headers)? {
+        return Ok((answer, ended));
     }
     let mut answer = ([(header::CONTENT_TYPE, "application/json")], body).into_response();
     version.write(answer.headers_mut());
-    Ok(answer)
+    Ok((answer, ended))
+}
+
+/// The seconds of `Prefer: wait=N` (RFC 7240).
+fn preferred_wait(headers: &HeaderMap) -> Option<u64> {
+    let preferences = headers.get_all("prefer").iter().filter_map(|value| value.to_str().ok());
+    preferences.flat_map(|list| list.split([',', ';'])).find_map(|one| one.trim().strip_prefix("wait=")?.parse().ok())
 }
 
 /// The version of a job that an answer shows.
-fn version(body: &[u8]) -> Version {
+pub(super) fn version(body: &[u8]) -> Version {
     Version::of_tag(format!("\"{}\"", &sha256_hex(body)[..32]))
 }
 

@@ -52,10 +52,7 @@ impl Metrics {
         };
         registry.register("build", "Version of the server", Info::new(vec![("version", env!("CARGO_PKG_VERSION"))]));
         registry.register("jobs", "Jobs kept, by status", metrics.jobs.clone());
-        registry.register("jobs_ended", "Jobs that the worker brought to an end, by status", counters.finished.clone());
-        registry.register("frames", "Frames recorded", counters.frames.clone());
-        registry.register("steps", "Sub-steps done", counters.steps.clone());
-        registry.register("particle_steps", "Particles times sub-steps done", counters.particle_steps.clone());
+        counters.register(&mut registry);
         registry.register("http_requests", "Requests answered", metrics.requests.clone());
         registry.register_with_unit(
             "http_request_duration",

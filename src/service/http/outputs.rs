@@ -14,8 +14,9 @@ use tokio_util::io::ReaderStream;
 use uuid::Uuid;
 
 use super::conditional::Version;
-use super::dto::{self, Diagnostics, DiagnosticsFormat, DiagnosticsPer, DiagnosticsQuery};
+use super::dto::{self, Diagnostics, DiagnosticsFormat, DiagnosticsPer, DiagnosticsQuery, RecordingQuery};
 use super::extract::{JobId, Query};
+use super::follow::follow;
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::range::{Selection, select};
@@ -27,10 +28,11 @@ use gridfall_recording::{self as recording, RecordingError};
 const READ_BYTES: usize = 64 << 10;
 
 /// The recording (MCAP) of a job that has ended, by ranges if asked. Once there, it never changes,
-/// so a download may be resumed at any time.
+/// so a download may be resumed at any time. With `follow=true` it can be read while the job runs.
 #[utoipa::path(get, path = "/v1/jobs/{id}/recording.mcap", tag = "outputs",
     params(
         ("id" = Uuid, Path),
+        RecordingQuery,
         ("Range" = Option<String>, Header, description = "One byte range"),
         ("If-Range" = Option<String>, Header, description = "`ETag` or `Last-Modified` that the range is of"),
         ("If-Match" = Option<String>, Header, description = "`ETag` of an earlier answer; 412 for another version"),
@@ -54,11 +56,18 @@ const READ_BYTES: usize = 64 << 10;
 pub async fn recording(
     State(api): State<Api>,
     JobId(id): JobId,
+    Query(query): Query<RecordingQuery>,
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let (files, status) = find(&api, id).await?;
     let name = format!("gridfall-{id}.mcap");
+    if query.follow {
+        let job = api.store.get(id).await?.ok_or_else(|| Problem::job_not_found(id))?;
+        if !job.status.is_terminal() && method == Method::GET {
+            return follow(&api, id, &name).await;
+        }
+    }
+    let (files, status) = find(&api, id).await?;
     let file = FileAnswer { path: &files.recording(), content_type: "application/octet-stream", download: Some(&name) };
     if let Some(response) = file.send(&method, &headers).await? {
         return Ok(response);
@@ -67,7 +76,7 @@ pub async fn recording(
         return Err(missing("recording", status));
     }
     let detail = format!(
-        "the job runs, and its recording is not complete; GET /v1/jobs/{id}/recording-so-far.mcap for the frames so far"
+        "the job runs, and its recording is not complete; GET /v1/jobs/{id}/recording-so-far.mcap for the frames so far, or this with ?follow=true to receive it as it grows"
     );
     Err(Problem::new(Code::JobNotFinished, detail))
 }

@@ -11,7 +11,9 @@ use utoipa_axum::routes;
 
 use super::openapi::{self, Description};
 use super::state::Api;
-use super::{assets, cors, encoding, guard, health, index, jobs, layers, load, metrics, outputs, scenes};
+use super::{
+    assets, cors, devices, encoding, events, guard, health, index, jobs, layers, load, metrics, outputs, scenes,
+};
 
 /// All routes of the API, and their OpenAPI document.
 pub(super) fn routes() -> (Router<Api>, Document) {
@@ -20,6 +22,9 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         .routes(routes!(jobs::submit, jobs::list))
         // /v1/jobs/{id}
         .routes(routes!(jobs::get, jobs::delete))
+        // /v1/jobs/{id}/events, /v1/jobs/{id}/log
+        .routes(routes!(events::events))
+        .routes(routes!(events::log))
         // /v1/jobs/{id}/cancel
         .routes(routes!(jobs::cancel))
         // /v1/jobs/{id}/diagnostics
@@ -33,6 +38,8 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         // /v1/assets, /v1/assets/{id}
         .routes(routes!(assets::put, assets::list))
         .routes(routes!(assets::get))
+        // /v1/devices
+        .routes(routes!(devices::list))
         // /v1/schema/scene
         .routes(routes!(scenes::schema))
         // /livez, /readyz, /metrics

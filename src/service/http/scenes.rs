@@ -1,5 +1,7 @@
 //! Scenes: are they valid, what do they cost, and what may they contain?
 
+use std::time::Instant;
+
 use axum::Json;
 use axum::extract::State;
 use axum::http::header;
@@ -52,13 +54,17 @@ pub async fn judge<T: Send + 'static>(
 ) -> Result<T, Problem> {
     let permit = permit(api).await?;
     let limits = Limits { max_work: api.config.max_work, ..api.config.limits };
-    let assets = api.data.assets();
+    let (assets, counters, span) = (api.data.assets(), api.worker.counters.clone(), tracing::Span::current());
     let judged = tokio::task::spawn_blocking(move || {
         // Held here and not by the request: a client that disconnects does not make the work
         // cheaper.
         let (_permit, _room) = (permit, room);
+        let _span = span.entered();
+        let started = Instant::now();
         let overrides: Vec<String> = request.overrides.iter().map(|(path, value)| format!("{path}={value}")).collect();
-        admit(request.scene, &overrides, &limits, &assets).map(with)
+        let judged = admit(request.scene, &overrides, &limits, &assets);
+        counters.stage("validate", started.elapsed());
+        judged.map(with)
     });
     judged.await.map_err(internal)?.map_err(Problem::invalid_scene)
 }

@@ -238,6 +238,16 @@ fn metrics_count_jobs_without_naming_them() {
     ] {
         assert!(lines.contains(line), "{line:?} is not in\n{text}");
     }
+    for series in [
+        "gridfall_queue_wait_seconds_count 1",
+        "gridfall_attempt_duration_seconds_count{status=\"succeeded\"} 1",
+        "gridfall_leases_lost_total 0",
+        "gridfall_stage_seconds_total{stage=\"validate\"}",
+        "gridfall_stage_seconds_total{stage=\"load\"}",
+        "gridfall_stage_seconds_total{stage=\"simulate\"}",
+    ] {
+        assert!(text.contains(series), "{series:?} is not in\n{text}");
+    }
     assert!(!text.contains(job.rsplit('/').next().unwrap()), "a label has a job's id");
 }
 

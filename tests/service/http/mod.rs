@@ -7,3 +7,4 @@ mod manners;
 mod openapi;
 mod outputs;
 mod support;
+mod watching;
