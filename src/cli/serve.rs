@@ -58,6 +58,10 @@ pub struct Arguments {
     #[arg(long, default_value_t = Config::default().min_free_bytes, value_name = "N",
         env = "GRIDFALL_MIN_FREE_BYTES")]
     min_free_bytes: u64,
+    /// Work of counting the particles of one scene: distances asked for, times the parts of the
+    /// shape. Costlier scenes are refused.
+    #[arg(long, default_value_t = Config::default().max_work, value_name = "N")]
+    max_work: u64,
     /// Requests that are answered at a time; more are refused with 503.
     #[arg(long, default_value_t = Config::default().max_in_flight, value_name = "N")]
     max_in_flight: usize,
@@ -94,6 +98,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
             cors_origins: arguments.cors_origin.iter().filter_map(|origin| origin.parse().ok()).collect(),
             allowed_hosts: arguments.allow_host,
             min_free_bytes: arguments.min_free_bytes,
+            max_work: arguments.max_work,
             max_in_flight: arguments.max_in_flight,
             max_connections: arguments.max_connections,
             ..Config::default()
@@ -143,7 +148,7 @@ fn start_logs(arguments: &Arguments) -> Result<(), CliError> {
         .with_ansi(std::io::stderr().is_terminal());
     match arguments.log_format {
         LogFormat::Text => logs.init(),
-        LogFormat::Json => logs.json().flatten_event(true).with_current_span(false).init(),
+        LogFormat::Json => logs.json().flatten_event(true).with_current_span(true).with_span_list(false).init(),
     }
     Ok(())
 }

@@ -116,6 +116,12 @@ pub fn problem(scene: &Scene, limits: &Limits) -> Result<Problem, Vec<Fault>> {
 /// Judges what a scene means and makes it ready to run, with `assets` for the files that it names.
 /// Nothing is allocated before particles and memory are known to be within the limits.
 pub fn problem_with(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Result<Problem, Vec<Fault>> {
+    // On a thread of the pool. From outside, each small parallel loop, of which every body has some,
+    // would wait for a hand-over to it: most of the time of scenes of many bodies.
+    rayon::scope(|_| make(scene, limits, assets))
+}
+
+fn make(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Result<Problem, Vec<Fault>> {
     let resolved = judge(scene, limits, assets)?;
     let mut faults = Faults::default();
     let problem = build::build(scene, &resolved);

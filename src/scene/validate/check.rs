@@ -50,7 +50,7 @@ impl Check<'_> {
                 self.limits.max_work
             );
             let remedy = "write it with fewer parts, make its surface smaller or raise dx; \
-                          `gridfall run` has no such limit";
+                          `gridfall run` has no such limit, and the server's is --max-work";
             self.fault(at, "too_costly", reason, remedy);
         }
         !effort.is_over()

@@ -7,6 +7,7 @@ use axum::http::HeaderValue;
 use tokio::sync::Semaphore;
 
 use super::metrics::Metrics;
+use super::watch::Watches;
 use crate::jobs;
 use crate::store::{DataDir, JobStore};
 use gridfall_scene::Limits;
@@ -37,6 +38,8 @@ pub struct Config {
     pub max_in_flight: usize,
     /// How long a request may take to be answered, not counting the body of the answer.
     pub handler_timeout: Duration,
+    /// How long a client may wait for a job to change (`Prefer: wait`).
+    pub max_wait: Duration,
     /// Maximum number of waiting jobs.
     pub max_queued: i64,
     /// Number of scenes checked at a time; each may need as much memory as its particles do.
@@ -49,7 +52,8 @@ pub struct Config {
     pub cors_origins: Vec<HeaderValue>,
     /// Names of the server, besides its addresses and `localhost`, in requests that change state.
     pub allowed_hosts: Vec<String>,
-    /// Work of judging one scene ([`Limits::max_work`]): a quarter of a second, or a few.
+    /// Work of judging one scene ([`Limits::max_work`]); the default is about a quarter of a second
+    /// of two cores.
     pub max_work: u64,
     pub limits: Limits,
 }
@@ -66,13 +70,14 @@ impl Default for Config {
             max_connections: 1024,
             max_in_flight: 512,
             handler_timeout: Duration::from_secs(120),
+            max_wait: Duration::from_secs(60),
             max_queued: 1000,
             max_validations: 2,
             validation_wait: Duration::from_secs(10),
             min_free_bytes: 256 << 20,
             cors_origins: Vec::new(),
             allowed_hosts: Vec::new(),
-            max_work: 200_000_000,
+            max_work: 40_000_000,
             limits: Limits::default(),
         }
     }
@@ -90,12 +95,14 @@ pub struct Api {
     /// Room for bodies, in [`BODY_UNIT`]s.
     pub(super) bodies: Arc<Semaphore>,
     pub(super) metrics: Arc<Metrics>,
+    pub(super) watches: Arc<Watches>,
 }
 
 impl Api {
     pub fn new(store: JobStore, data: Arc<DataDir>, worker: Arc<jobs::Shared>, config: Config) -> Self {
         Self {
             metrics: Arc::new(Metrics::new(&worker.counters)),
+            watches: Arc::default(),
             validations: Arc::new(Semaphore::new(config.max_validations)),
             in_flight: Arc::new(Semaphore::new(config.max_in_flight)),
             bodies: Arc::new(Semaphore::new(config.max_bodies_bytes / BODY_UNIT)),
