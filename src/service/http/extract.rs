@@ -168,7 +168,7 @@ impl FromRequestParts<Api> for JobId {
     }
 }
 
-/// The `{id}` of an asset in the path.
+/// The `{id}` of an asset or a kept scene in the path.
 pub struct AssetId(pub String);
 
 impl FromRequestParts<Api> for AssetId {
@@ -182,7 +182,7 @@ impl FromRequestParts<Api> for AssetId {
         if hex.len() == 64 && hex.bytes().all(|byte| byte.is_ascii_hexdigit()) {
             Ok(Self(id))
         } else {
-            Err(form("an asset id is `sha256:` and 64 hexadecimal digits".into()))
+            Err(form("an id is `sha256:` and 64 hexadecimal digits".into()))
         }
     }
 }

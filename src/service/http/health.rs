@@ -4,7 +4,7 @@ use axum::Json;
 use axum::extract::State;
 
 use super::dto::{Check, Live, Ready};
-use super::problem::Problem;
+use super::problem::{Code, Problem};
 use super::state::Api;
 use crate::jobs::DeviceState;
 
@@ -15,7 +15,7 @@ pub async fn livez() -> Json<Live> {
 }
 
 /// Is there room for one more recording?
-pub fn disk(api: &Api) -> Check {
+fn disk(api: &Api) -> Check {
     let least = api.config.min_free_bytes;
     let (ok, detail) = match api.data.free_bytes() {
         Ok(free) if free >= least => (true, format!("{} MiB are free", free >> 20)),
@@ -26,6 +26,12 @@ pub fn disk(api: &Api) -> Check {
         Err(error) => (false, format!("the data directory's file system does not answer: {error}")),
     };
     Check { name: "disk", ok, detail }
+}
+
+/// Refuses what takes space where there is little.
+pub fn require_space(api: &Api) -> Result<(), Problem> {
+    let disk = disk(api);
+    if disk.ok { Ok(()) } else { Err(Problem::new(Code::DiskLow, disk.detail).retry_after(60)) }
 }
 
 /// Can the server take and run jobs, and if not, why?

@@ -11,7 +11,7 @@ use uuid::Uuid;
 use super::conditional::Version;
 use super::dto::{self, JobList, ListJobs, SubmitJob};
 use super::extract::{JobId, JsonBody, Query};
-use super::health::disk;
+use super::health::require_space;
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::scenes::judge;
@@ -44,10 +44,7 @@ pub async fn submit(
     headers: HeaderMap,
     JsonBody(request, room): JsonBody<SubmitJob>,
 ) -> Result<Response, Problem> {
-    let disk = disk(&api);
-    if !disk.ok {
-        return Err(Problem::new(Code::DiskLow, disk.detail).retry_after(60));
-    }
+    require_space(&api)?;
     let idempotency_key = headers.get(IDEMPOTENCY_KEY).map(idempotency_key).transpose()?;
     let request_sha256 = sha256_hex(&serde_json::to_vec(&request).map_err(internal)?);
     let name = request.name.clone().map(valid_name).transpose()?;

@@ -86,7 +86,14 @@ fn common_problems(path: &str, operation: &Operation, changes: bool) -> BTreeMap
     let mut add = |status, codes: &[&'static str]| problems.entry(status).or_insert_with(Vec::new).extend(codes);
     if takes(ParameterIn::Path) {
         add("400", &["invalid_path"]);
-        add("404", if assets { &["asset_not_found"] } else { &["job_not_found"] });
+        add(
+            "404",
+            match path {
+                _ if assets => &["asset_not_found"],
+                _ if path.starts_with("/v1/scenes") => &["scene_not_found"],
+                _ => &["job_not_found"],
+            },
+        );
     }
     if takes(ParameterIn::Query) {
         add("400", &["invalid_query"]);

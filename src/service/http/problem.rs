@@ -43,6 +43,7 @@ codes! {
     RouteNotFound NOT_FOUND "There is nothing at this path",
     JobNotFound NOT_FOUND "There is no such job",
     AssetNotFound NOT_FOUND "There is no such asset",
+    SceneNotFound NOT_FOUND "There is no such scene",
     OutputNotFound NOT_FOUND "The job has no such output yet",
     MethodNotAllowed METHOD_NOT_ALLOWED "The path has no such method",
     RequestTimeout REQUEST_TIMEOUT "The request did not arrive in time",

@@ -35,6 +35,9 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         .routes(routes!(outputs::thumbnail))
         // /v1/scenes:validate
         .routes(routes!(scenes::validate))
+        // /v1/scenes, /v1/scenes/{id}
+        .routes(routes!(scenes::keep, scenes::list))
+        .routes(routes!(scenes::get))
         // /v1/assets, /v1/assets/{id}
         .routes(routes!(assets::put, assets::list))
         .routes(routes!(assets::get))

@@ -8,6 +8,7 @@ mod assets;
 mod files;
 mod job;
 mod row;
+mod scenes;
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -21,6 +22,7 @@ pub use assets::{Asset, AssetFiles};
 pub use files::{AttemptFiles, DataDir, JobFiles};
 pub use job::{Failure, Job, NewJob, Progress, Status};
 use row::{ClaimRow, JobRow, select_jobs};
+pub use scenes::SceneFiles;
 
 use gridfall_engine::Backend;
 

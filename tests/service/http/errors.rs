@@ -12,7 +12,7 @@ fn template(path: &str) -> String {
     if parts.len() > 3 && parts[1] == "v1" && parts[2] == "jobs" {
         parts[3] = "{id}";
     }
-    if parts.len() > 3 && parts[2] == "assets" {
+    if parts.len() > 3 && ["assets", "scenes"].contains(&parts[2]) {
         parts[3] = "{id}";
     }
     parts.join("/")
@@ -99,6 +99,11 @@ fn every_error_is_a_documented_problem() {
         ("PUT", "/v1/assets", &[], &huge, 413, "body_too_large"),
         ("DELETE", "/v1/assets", &[], "", 405, "method_not_allowed"),
         ("GET", "/v1/assets/7", &[], "", 400, "invalid_path"),
+        ("GET", "/v1/scenes/7", &[], "", 400, "invalid_path"),
+        ("GET", &no_asset.replace("assets", "scenes"), &[], "", 404, "scene_not_found"),
+        ("POST", "/v1/scenes", &[JSON], "{\"scene\": {}}", 422, "invalid_scene"),
+        ("POST", "/v1/jobs", &[JSON], "{\"scene_id\": \"7\"}", 422, "invalid_request"),
+        ("POST", "/v1/jobs", &[JSON], "{\"scene\": {}, \"scene_id\": \"7\"}", 422, "invalid_request"),
         ("GET", &no_asset, &[], "", 404, "asset_not_found"),
         ("GET", "/v1/jobs/%FF", &[], "", 400, "invalid_path"),
         ("DELETE", "/v1/jobs/7", &[], "", 400, "invalid_path"),

@@ -136,11 +136,33 @@ fn metrics_come_in_the_format_that_every_prometheus_reads() {
 #[test]
 fn every_answer_has_the_id_of_its_request_and_logs_can_be_read_by_programs() {
     let dir = tempfile::tempdir().unwrap();
-    let server = Server::start(dir.path());
+    let path = dir.path().join("log");
+    let log = std::fs::File::create(&path).unwrap();
+    let options = ["--log-format", "json", "--log", "gridfall_service=debug"];
+    let server = Server::start_logging(dir.path(), &options, log.into());
     let answer = server.call("GET", "/v1/jobs", &[("x-request-id", "mine-1")], "");
     assert_eq!(answer.header("x-request-id"), "mine-1");
     let [first, second] = [(); 2].map(|()| server.get("/nothing").header("x-request-id").to_owned());
     assert!(!first.is_empty() && first != second);
     let odd = server.call("GET", "/livez", &[("x-request-id", &"x".repeat(500))], "");
     assert!(!odd.header("x-request-id").is_empty() && odd.header("x-request-id").len() < 100);
+
+    let job = server.submit(short());
+    server.wait_for(&job, "succeeded");
+    let text = std::fs::read_to_string(path).unwrap();
+    let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert!(lines.iter().any(|line| line["span"]["request_id"] == "mine-1"), "{text}");
+    let id = job.rsplit('/').next().unwrap();
+    assert!(lines.iter().any(|line| line["span"]["job"] == id && line["span"]["attempt"] == 1), "{text}");
+}
+
+#[test]
+fn logs_in_files_have_no_colours() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("log");
+    let server = Server::start_logging(dir.path(), &[], std::fs::File::create(&path).unwrap().into());
+    let job = server.submit(short());
+    server.wait_for(&job, "succeeded");
+    let text = std::fs::read_to_string(path).unwrap();
+    assert!(text.contains("started") && !text.contains('\u{1b}'), "{text}");
 }
