@@ -1,10 +1,11 @@
 //! `gridfall serve`: the server.
 
+use std::io::IsTerminal;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use tracing_subscriber::EnvFilter;
 
 use super::device::DeviceArguments;
@@ -49,19 +50,64 @@ pub struct Arguments {
         env = "GRIDFALL_CHECKPOINT_SECONDS"
     )]
     checkpoint_seconds: f64,
+    /// Let pages of this origin use the API, such as https://app.example. Repeatable.
+    #[arg(long, value_name = "ORIGIN", value_parser = origin, env = "GRIDFALL_CORS_ORIGIN", value_delimiter = ',')]
+    cors_origin: Vec<String>,
+    /// A name by which clients reach the server, besides its addresses and localhost. Requests that
+    /// change something under another name are refused, because a stranger's page may have made
+    /// them. Repeatable.
+    #[arg(long, value_name = "NAME", env = "GRIDFALL_ALLOW_HOST", value_delimiter = ',')]
+    allow_host: Vec<String>,
+    /// Free disk space below which no job is accepted and the server is not ready (bytes).
+    #[arg(long, default_value_t = Config::default().min_free_bytes, value_name = "N",
+        env = "GRIDFALL_MIN_FREE_BYTES")]
+    min_free_bytes: u64,
+    /// Work of counting the particles of one scene: distances asked for, times the parts of the
+    /// shape. Costlier scenes are refused.
+    #[arg(long, default_value_t = Config::default().max_work, value_name = "N")]
+    max_work: u64,
+    /// Requests that are answered at a time; more are refused with 503.
+    #[arg(long, default_value_t = Config::default().max_in_flight, value_name = "N")]
+    max_in_flight: usize,
+    /// Connections at a time; those beyond get 503 for all but health, metrics and cancel.
+    #[arg(long, default_value_t = Config::default().max_connections, value_name = "N")]
+    max_connections: usize,
+    /// How to log on standard error.
+    #[arg(long, value_enum, default_value_t = LogFormat::Text, env = "GRIDFALL_LOG_FORMAT")]
+    log_format: LogFormat,
+    /// What to log, such as `debug` or `warn,gridfall=info`.
+    #[arg(
+        long,
+        default_value = "warn,gridfall=info,gridfall_service=info",
+        value_name = "FILTER",
+        env = "GRIDFALL_LOG"
+    )]
+    log: String,
     #[command(flatten)]
     device: DeviceArguments,
 }
 
 pub fn execute(arguments: Arguments) -> Result<(), CliError> {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn,gridfall=info"));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    start_logs(&arguments)?;
+    // Each connection and each download takes a file descriptor.
+    if let Err(error) = rlimit::increase_nofile_limit(u64::MAX) {
+        tracing::warn!(%error, "cannot raise the limit of open files");
+    }
     let options = Options {
         listen: arguments.listen,
         data_dir: arguments.data_dir,
         database: arguments.database,
         insecure_no_auth: arguments.insecure_no_auth,
-        config: Config { max_queued: arguments.max_queued, ..Config::default() },
+        config: Config {
+            max_queued: arguments.max_queued,
+            cors_origins: arguments.cors_origin.iter().filter_map(|origin| origin.parse().ok()).collect(),
+            allowed_hosts: arguments.allow_host,
+            min_free_bytes: arguments.min_free_bytes,
+            max_work: arguments.max_work,
+            max_in_flight: arguments.max_in_flight,
+            max_connections: arguments.max_connections,
+            ..Config::default()
+        },
         checkpoint_every: Duration::from_secs_f64(arguments.checkpoint_seconds),
         devices: opener(arguments.device),
     };
@@ -86,6 +132,41 @@ fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if (1e-3..=1e6).contains(&seconds) => Ok(seconds),
         _ => Err("give seconds between 0.001 and 1,000,000".into()),
+    }
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum LogFormat {
+    /// Lines for people.
+    Text,
+    /// An object a line, for programs.
+    Json,
+}
+
+fn start_logs(arguments: &Arguments) -> Result<(), CliError> {
+    let filter = EnvFilter::try_new(&arguments.log).map_err(|error| {
+        CliError::BadInput(format!("--log {}: {error}; write a level such as `info`, or module=level", arguments.log))
+    })?;
+    let logs = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal());
+    match arguments.log_format {
+        LogFormat::Text => logs.init(),
+        LogFormat::Json => logs.json().flatten_event(true).with_current_span(true).with_span_list(false).init(),
+    }
+    Ok(())
+}
+
+/// An origin as browsers send it: scheme, host and, unless usual, port.
+fn origin(text: &str) -> Result<String, String> {
+    let rest = text.strip_prefix("https://").or_else(|| text.strip_prefix("http://"));
+    let sound = |rest: &str| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_graphic() && !b"/?#@*,".contains(&b));
+    if rest.is_some_and(sound) {
+        Ok(text.to_ascii_lowercase())
+    } else {
+        Err("an origin is a scheme and a host without a path, such as https://app.example or http://localhost:3000"
+            .into())
     }
 }
 

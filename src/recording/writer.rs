@@ -71,8 +71,10 @@ pub struct Writer {
     wanted: Vec<u32>,
     points: Points,
     camera: Camera,
-    /// Sequence number and time (ns) of the last frame written.
-    now: (u32, u64),
+    /// Time of the last message written (ns).
+    now: u64,
+    /// Messages so far, by channel.
+    sequences: BTreeMap<u16, u32>,
     /// Colliders in the last scene that was sent.
     present: Option<Vec<bool>>,
     /// Lines of the log that go with the next frame.
@@ -124,7 +126,8 @@ impl Writer {
                 wanted,
                 points,
                 camera,
-                now: (0, 0),
+                now: 0,
+                sequences: BTreeMap::new(),
                 present: None,
                 lines: vec![],
             }),
@@ -151,7 +154,7 @@ impl Writer {
             let reason = format!("it has {frames} frames in {length} bytes, of {} that it should have", frame + 1);
             return Err(RecordingError::Damaged { path: earlier.to_owned(), reason });
         }
-        writer.now = (frame as u32, stamp(time_s).0);
+        writer.now = stamp(time_s).0;
         writer.present = Some(colliders::present(header.setup, time_s));
         if writer.length()? != length {
             let reason = "its frames are not what this build writes".to_owned();
@@ -180,6 +183,7 @@ impl Writer {
                         continue;
                     };
                     self.mcap.write_to_known_channel(&header, &data).map_err(|source| self.error(source))?;
+                    self.sequences.insert(header.channel_id, header.sequence + 1);
                     if header.channel_id == self.channels.diagnostics {
                         self.mcap.flush().map_err(|source| self.error(source))?;
                         frames += 1;
@@ -226,11 +230,11 @@ impl Writer {
         steps: &[SolverRow],
     ) -> Result<(), RecordingError> {
         for step in steps {
-            self.now = (row.frame as u32, stamp(step.time_s).0);
+            self.now = stamp(step.time_s).0;
             self.bytes(self.channels.solver, &diagnostics::encode_solver(step))?;
         }
         let (nanos, timestamp) = stamp(row.time_s);
-        self.now = (row.frame as u32, nanos);
+        self.now = nanos;
         let present = Some(colliders::present(setup, row.time_s));
         if present != self.present {
             let shown = present.as_deref().unwrap_or_default();
@@ -269,7 +273,7 @@ impl Writer {
 
     fn write_log(&mut self) -> Result<(), RecordingError> {
         for (level, message) in std::mem::take(&mut self.lines) {
-            let timestamp = Some(nanoseconds(self.now.1));
+            let timestamp = Some(nanoseconds(self.now));
             let log = Log { timestamp, level: level.into(), message, name: "gridfall".into(), ..Default::default() };
             self.message(self.channels.log, &log)?;
         }
@@ -295,8 +299,9 @@ impl Writer {
     }
 
     fn bytes(&mut self, channel_id: u16, data: &[u8]) -> Result<(), RecordingError> {
-        let (sequence, time) = self.now;
-        let header = MessageHeader { channel_id, sequence, log_time: time, publish_time: time };
+        let next = self.sequences.entry(channel_id).or_default();
+        let header = MessageHeader { channel_id, sequence: *next, log_time: self.now, publish_time: self.now };
+        *next += 1;
         self.mcap.write_to_known_channel(&header, data).map_err(|source| self.error(source))
     }
 

@@ -1,5 +1,6 @@
 //! What is wrong with a scene: where, why and what to change.
 
+use std::collections::BTreeSet;
 use std::fmt;
 
 use serde::Serialize;
@@ -37,8 +38,8 @@ const MAX_FAULTS: usize = 200;
 #[derive(Debug, Default)]
 pub struct Faults {
     found: Vec<Fault>,
-    /// Values that have no meaning because of a fault found below them.
-    spoiled: Vec<String>,
+    /// Pointers of the values that have no meaning because of a fault.
+    spoiled: BTreeSet<String>,
 }
 
 impl Faults {
@@ -46,28 +47,36 @@ impl Faults {
     /// be at fault.
     pub fn add(&mut self, pointer: &str, code: &'static str, reason: impl Into<String>, remedy: impl Into<String>) {
         if self.clean(pointer) {
-            self.found.push(Fault { pointer: pointer.to_owned(), code, reason: reason.into(), remedy: remedy.into() });
+            self.spoil(pointer);
+            self.note(Fault { pointer: pointer.to_owned(), code, reason: reason.into(), remedy: remedy.into() });
         }
+    }
+
+    /// Whether no more faults are collected, so that looking for more is in vain.
+    pub fn full(&self) -> bool {
+        self.found.len() >= MAX_FAULTS
     }
 
     /// Adds a fault that leaves the rest of the value as meaningful as before.
     pub fn note(&mut self, fault: Fault) {
-        if self.found.len() < MAX_FAULTS {
+        if !self.full() {
             self.found.push(fault);
         }
     }
 
     /// Declares the whole value meaningless because of a fault that is already known.
     pub fn spoil(&mut self, pointer: &str) {
-        self.spoiled.push(pointer.to_owned());
+        self.spoiled.insert(pointer.to_owned());
     }
 
     /// Whether nothing at `pointer`, below it or above it is at fault. Unknown fields do not count
     /// because they do not change the meaning of others.
     pub fn clean(&self, pointer: &str) -> bool {
-        let meets = |other: &str| within(other, pointer) || within(pointer, other);
-        let found = self.found.iter().filter(|f| f.code != "unknown_field").map(|f| f.pointer.as_str());
-        !found.chain(self.spoiled.iter().map(String::as_str)).any(meets)
+        let ends = pointer.match_indices('/').map(|(end, _)| end).chain([pointer.len()]);
+        let above = ends.into_iter().any(|end| self.spoiled.contains(&pointer[..end]));
+        let inner = format!("{pointer}/");
+        let below = self.spoiled.range(inner.clone()..).next().is_some_and(|first| first.starts_with(&inner));
+        !(above || below)
     }
 
     pub fn is_empty(&self) -> bool {
@@ -77,11 +86,6 @@ impl Faults {
     pub fn into_vec(self) -> Vec<Fault> {
         self.found
     }
-}
-
-/// Whether pointer `inner` equals `outer` or lies below it.
-fn within(inner: &str, outer: &str) -> bool {
-    inner.strip_prefix(outer).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
 }
 
 /// Appends a reference token to a JSON pointer.

@@ -7,7 +7,7 @@
 //!
 //! ```text
 //! names, schema, fault, limits, suggest, vectors, memory
-//! document, overrides, structure                     text and JSON to a scene
+//! document, overrides, size, structure               text and JSON to a scene
 //! mesh, points, assets                               files
 //! sampling, grid, shape                              lattices, streams, signed distances
 //! resolve
@@ -31,6 +31,7 @@ mod resolve;
 mod sampling;
 pub mod schema;
 mod shape;
+mod size;
 mod structure;
 mod suggest;
 mod validate;
@@ -63,6 +64,10 @@ pub fn parse_with(json: &str, overrides: &[String]) -> Result<Scene, Vec<Fault>>
 /// [`parse`] for a document that is a JSON value already.
 pub fn from_value(document: &Value) -> Result<Scene, Vec<Fault>> {
     let mut faults = Faults::default();
+    size::check(document, &mut faults);
+    if !faults.is_empty() {
+        return Err(faults.into_vec());
+    }
     let repaired = structure::check(document, &mut faults);
     let scene: Scene = match serde_json::from_value(repaired) {
         Ok(scene) => scene,
@@ -111,6 +116,12 @@ pub fn problem(scene: &Scene, limits: &Limits) -> Result<Problem, Vec<Fault>> {
 /// Judges what a scene means and makes it ready to run, with `assets` for the files that it names.
 /// Nothing is allocated before particles and memory are known to be within the limits.
 pub fn problem_with(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Result<Problem, Vec<Fault>> {
+    // On a thread of the pool. From outside, each small parallel loop, of which every body has some,
+    // would wait for a hand-over to it: most of the time of scenes of many bodies.
+    rayon::scope(|_| make(scene, limits, assets))
+}
+
+fn make(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Result<Problem, Vec<Fault>> {
     let resolved = judge(scene, limits, assets)?;
     let mut faults = Faults::default();
     let problem = build::build(scene, &resolved);

@@ -8,13 +8,21 @@ pub struct Limits {
     pub max_memory_bytes: u64,
     /// Steps of the whole run.
     pub max_steps: u64,
+    /// Work of finding out how many particles a scene has: distances asked for, each counted as
+    /// many times as its shape has parts. A core does a hundred million or two in a second.
+    pub max_work: u64,
 }
 
 impl Default for Limits {
     /// As many particles and as much memory as this machine can hold, and steps for some weeks of
-    /// its time.
+    /// its time. The work of judging is not limited.
     fn default() -> Self {
-        Self { max_particles: 1 << 30, max_memory_bytes: host_memory_bytes() / 10 * 9, max_steps: 1_000_000_000 }
+        Self {
+            max_particles: 1 << 30,
+            max_memory_bytes: host_memory_bytes() / 10 * 9,
+            max_steps: 1_000_000_000,
+            max_work: u64::MAX,
+        }
     }
 }
 

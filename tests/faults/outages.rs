@@ -1,6 +1,6 @@
 //! The database goes away, or the disk takes no more.
 
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -40,7 +40,7 @@ fn a_job_whose_files_cannot_be_written_fails_with_the_reason_and_the_server_live
     // No file may grow past 6 MiB: what a full disk does to a recording, and not to the database.
     let mut limited = Command::new("bash");
     limited.args(["-c", "trap '' XFSZ; ulimit -f 6144; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_gridfall")]);
-    let server = Server::launch(limited, dir.path(), &[]);
+    let server = Server::launch(limited, dir.path(), &[], Stdio::inherit());
     let mut scene = endless();
     scene["domain"]["dx"] = 0.004.into();
     let job = server.submit(scene);

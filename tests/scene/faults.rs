@@ -83,6 +83,29 @@ fn limits_are_judged_before_anything_is_made() {
 }
 
 #[test]
+fn documents_that_ask_for_too_much_are_refused_before_they_are_expanded() {
+    let body = good()["bodies"][0].clone();
+    let many = |n: usize, part: &Value| Value::Array(vec![part.clone(); n]);
+    let limits = Limits::default();
+    expect(&changed(good(), &[("/bodies", many(10_001, &body))]), &limits, &[("/bodies", "too_many")]);
+    let union = json!({ "union": many(4097, &body["shape"]) });
+    expect(&changed(good(), &[("/bodies/0/shape", union)]), &limits, &[("/bodies/0/shape/union", "too_complex")]);
+    // Faults have an end, and each is found in the time of one.
+    let faulty = changed(good(), &[("/bodies", many(10_000, &json!({ "name": "", "shape": { "ball": {} } })))]);
+    assert_eq!(scene::from_value(&faulty).unwrap_err().len(), 200);
+}
+
+#[test]
+fn a_scene_that_is_costly_to_judge_is_refused_and_the_costly_part_named() {
+    let balls: Vec<Value> = (0..400)
+        .map(|n| json!({ "sphere": { "center": [0.5 + 1e-4 * f64::from(n), 0.5, 0.5], "radius": 0.1 } }))
+        .collect();
+    let costly = changed(good(), &[("/bodies/1/shape", json!({ "union": balls }))]);
+    expect(&costly, &Limits { max_work: 20_000, ..Limits::default() }, &[("/bodies/1/shape", "too_costly")]);
+    expect(&costly, &Limits { max_work: 200_000_000, ..Limits::default() }, &[]);
+}
+
+#[test]
 fn a_thin_shape_that_is_costly_to_sample_is_refused() {
     let shell =
         json!({ "shell": { "thickness": 0.005, "shape": { "sphere": { "center": [0.5, 0.5, 0.5], "radius": 0.2 } } } });

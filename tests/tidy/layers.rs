@@ -28,6 +28,7 @@ pub const SCENE: &[Layer] = &[
     ("memory", &[]),
     ("document", &["fault"]),
     ("overrides", &["fault"]),
+    ("size", &["fault"]),
     ("structure", &["schema", "fault", "suggest"]),
     ("mesh", &["schema"]),
     ("points", &["mesh", "vectors"]),

@@ -8,6 +8,7 @@
 //! the shape when the source opens are not emitted.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
@@ -17,6 +18,26 @@ use super::collider::Sdf;
 const TIE: f64 = 1e-9;
 /// Steps along a ray. Rays that graze a surface for longer count as missing it.
 const MAX_MARCH: usize = 256;
+
+/// How many distances were asked for, and after how many the search for points is abandoned.
+#[derive(Debug)]
+pub struct Effort {
+    pub spent: AtomicU64,
+    pub most: u64,
+}
+
+impl Effort {
+    pub fn at_most(most: u64) -> Self {
+        Self { spent: AtomicU64::new(0), most }
+    }
+
+    pub fn is_over(&self) -> bool {
+        self.spent.load(Relaxed) > self.most
+    }
+}
+
+/// Distances that following a point until it enters is counted as.
+const ENTRY_EFFORT: u64 = 8;
 
 /// A source, ready to emit.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,22 +74,64 @@ impl Source {
     /// Positions at which particles are emitted at the start of a frame (m), in the order of their
     /// ids.
     pub fn entering(&self, frame: u32) -> impl ParallelIterator<Item = [f64; 3]> + '_ {
+        self.entering_within(frame, None)
+    }
+
+    /// [`Self::entering`], or only some of it once the effort is over.
+    pub fn entering_within<'a>(
+        &'a self,
+        frame: u32,
+        effort: Option<&'a Effort>,
+    ) -> impl ParallelIterator<Item = [f64; 3]> + 'a {
         let [start, end] = self.window(frame);
         let [first, second, third] = self.range(frame);
         let reach = self.speed() * (end - start) + TIE * self.spacing;
         first.into_par_iter().flat_map_iter(move |i| {
-            let third = third.clone();
-            let rows = second.clone().flat_map(move |j| third.clone().map(move |k| [i, j, k]));
-            rows.filter_map(move |index| {
-                let x = self.at(index, start);
-                // One evaluation settles most points: they are too far away.
-                if self.sdf.distance(x) > reach {
-                    return None;
-                }
-                let entry = self.entry(index)?;
-                (entry >= start && entry < end).then_some(x)
+            // Rows run along the last axis.
+            let (rows, along) =
+                if self.dimension == 2 { (0..1, second.clone()) } else { (second.clone(), third.clone()) };
+            rows.flat_map(move |j| {
+                let index = move |k| if self.dimension == 2 { [i, k, 0] } else { [i, j, k] };
+                let mut next = along.start;
+                let end_of_row = along.end;
+                std::iter::from_fn(move || {
+                    while next < end_of_row && effort.is_none_or(|effort| !effort.is_over()) {
+                        let index = index(next);
+                        let x = self.at(index, start);
+                        let distance = self.sdf.distance(x);
+                        next += 1 + self.skipped(distance, start, reach);
+                        if let Some(effort) = effort {
+                            effort.spent.fetch_add(if distance <= reach { ENTRY_EFFORT } else { 1 }, Relaxed);
+                        }
+                        // One evaluation settles most points: they are too far away.
+                        if distance <= reach
+                            && let Some(entry) = self.entry(index)
+                            && entry >= start
+                            && entry < end
+                        {
+                            return Some(x);
+                        }
+                    }
+                    None
+                })
             })
         })
+    }
+
+    /// How many of the next points of a row cannot enter in a frame that begins at `start`, because
+    /// this one is so far outside the shape, or so deep inside: what is inside then has entered
+    /// before.
+    fn skipped(&self, distance: f64, start: f64, reach: f64) -> i64 {
+        let slack = self.sdf.slack();
+        let spare = if distance > 0.0 {
+            distance - reach - slack
+        } else if start >= self.open_s[0] {
+            -distance - slack - TIE * self.spacing
+        } else {
+            0.0
+        };
+        // A little less, so that rounding does not matter.
+        (spare / self.spacing * (1.0 - 1e-9) - 1e-6).floor().max(0.0) as i64
     }
 
     /// Start and end of a frame (s).
@@ -170,6 +233,31 @@ mod tests {
         let all: usize = emitted(&source, 48).iter().map(Vec::len).sum();
         // 10 × 10 points every 0.02 m of 0.75 m: 37.5 layers.
         assert!(all == 3700 || all == 3800, "{all}");
+    }
+
+    #[test]
+    fn points_that_are_passed_over_do_not_enter() {
+        let shapes = [Primitive::Box([0.13, 0.11, 0.2]), Primitive::Sphere(0.15), Primitive::Torus(0.12, 0.05)];
+        for (primitive, dimension) in shapes.into_iter().flat_map(|shape| [(shape.clone(), 2), (shape, 3)]) {
+            for velocity in [[0.0, -1.5, 0.0], [0.7, -0.3, 1.1], [1e-4, 0.0, 0.0]] {
+                let mut source = source(primitive.clone(), velocity, [0.03, 0.15]);
+                source.dimension = dimension;
+                if dimension == 2 {
+                    source.velocity[2] = 0.0;
+                }
+                for frame in 0..8 {
+                    let [start, end] = source.window(frame);
+                    let [first, second, third] = source.range(frame);
+                    let plain = first.flat_map(|i| {
+                        let third = third.clone();
+                        second.clone().flat_map(move |j| third.clone().map(move |k| [i, j, k]))
+                    });
+                    let enters = |index: &[i64; 3]| source.entry(*index).is_some_and(|t| t >= start && t < end);
+                    let plain: Vec<[f64; 3]> = plain.filter(enters).map(|index| source.at(index, start)).collect();
+                    assert_eq!(source.entering(frame).collect::<Vec<_>>(), plain, "{velocity:?} {dimension} {frame}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -15,9 +15,10 @@ pub(super) fn sticking(problem: &Problem) -> Vec<Notice> {
     let bodies: Vec<(usize, &Body)> = setup.bodies.iter().enumerate().filter(|(_, body)| solid(body)).collect();
     let bounds: Vec<Bounds> = bodies.iter().map(|(_, body)| Bounds::of(problem, body)).collect();
     let mut notices = Vec::new();
-    for (k, &(n, body)) in bodies.iter().enumerate() {
+    for ((k, &(n, body)), earlier) in bodies.iter().enumerate().zip(earlier_near(&bounds)) {
         let near = |&other: &usize| meet(problem, [body, bodies[other].1], [&bounds[k], &bounds[other]]);
-        let names: Vec<String> = (0..k).filter(near).map(|other| format!("'{}'", bodies[other].1.name)).collect();
+        let names: Vec<String> =
+            earlier.into_iter().filter(near).map(|other| format!("'{}'", bodies[other].1.name)).collect();
         if !names.is_empty() {
             let names = names.join(", ");
             notices.push(Notice {
@@ -34,9 +35,36 @@ pub(super) fn sticking(problem: &Problem) -> Vec<Notice> {
     notices
 }
 
+/// For each body those before it, ascending, whose surroundings meet its own: a sweep along the axis
+/// on which the bodies are spread most.
+fn earlier_near(bounds: &[Bounds]) -> Vec<Vec<usize>> {
+    let spread = |a: usize| {
+        let lower = bounds.iter().map(|b| b.lower[a]);
+        lower.clone().fold(f64::NEG_INFINITY, f64::max) - lower.fold(f64::INFINITY, f64::min)
+    };
+    let axis = (0..3).max_by(|&a, &b| spread(a).total_cmp(&spread(b))).unwrap_or(0);
+    let mut order: Vec<usize> = (0..bounds.len()).collect();
+    order.sort_by(|&a, &b| bounds[a].start(axis).total_cmp(&bounds[b].start(axis)));
+    let (mut found, mut open) = (vec![Vec::new(); bounds.len()], Vec::<usize>::new());
+    for k in order {
+        open.retain(|&other| bounds[other].end(axis) >= bounds[k].start(axis));
+        for &other in &open {
+            if bounds[k].meets(&bounds[other], bounds[k].reach + bounds[other].reach) {
+                found[k.max(other)].push(k.min(other));
+            }
+        }
+        open.push(k);
+    }
+    found.iter_mut().for_each(|others| others.sort_unstable());
+    found
+}
+
 struct Bounds {
     lower: [f64; 3],
     upper: [f64; 3],
+    /// Half of a cell, and half the spacing of the particles: where the reaches of two bodies meet,
+    /// their surfaces are within a cell.
+    reach: f64,
 }
 
 impl Bounds {
@@ -45,7 +73,20 @@ impl Bounds {
         let fold = |start: f64, best: fn(f64, f64) -> f64| -> [f64; 3] {
             std::array::from_fn(|a| x.iter().map(|x| x[a]).fold(start, best))
         };
-        Self { lower: fold(f64::INFINITY, f64::min), upper: fold(f64::NEG_INFINITY, f64::max) }
+        let spacing = body.volume0.powf(1.0 / problem.setup.dimension as f64);
+        Self {
+            lower: fold(f64::INFINITY, f64::min),
+            upper: fold(f64::NEG_INFINITY, f64::max),
+            reach: 0.5 * (problem.setup.dx + spacing),
+        }
+    }
+
+    fn start(&self, axis: usize) -> f64 {
+        self.lower[axis] - self.reach
+    }
+
+    fn end(&self, axis: usize) -> f64 {
+        self.upper[axis] + self.reach
     }
 
     fn has(&self, x: &[f64; 3], within: f64) -> bool {
@@ -59,12 +100,7 @@ impl Bounds {
 
 /// Whether the surfaces of two bodies, half a spacing beyond their particles, are within a cell of each other.
 fn meet(problem: &Problem, bodies: [&Body; 2], bounds: [&Bounds; 2]) -> bool {
-    let setup = &problem.setup;
-    let spacing = |body: &Body| body.volume0.powf(1.0 / setup.dimension as f64);
-    let within = setup.dx + 0.5 * (spacing(bodies[0]) + spacing(bodies[1]));
-    if !bounds[0].meets(bounds[1], within) {
-        return false;
-    }
+    let within = bounds[0].reach + bounds[1].reach;
     let of = |body: &Body| problem.particles.x[body.particles.clone()].iter();
     let cell = |x: &[f64; 3]| x.map(|x| (x / within).floor() as i64);
     let mut cells: HashMap<[i64; 3], Vec<[f64; 3]>> = HashMap::new();

@@ -14,6 +14,7 @@ use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
 use gridfall_core::sim::collider::Sdf;
+use gridfall_core::sim::source::Effort;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -54,16 +55,17 @@ type Block = [Range<i64>; 3];
 
 /// A count that is abandoned when it becomes too large. Whether that happens does not depend on the
 /// order of the work.
-struct Count {
+struct Count<'a> {
     inside: AtomicU64,
     tested: AtomicU64,
     most: u64,
+    effort: &'a Effort,
 }
 
-impl Count {
+impl Count<'_> {
     fn is_over(&self) -> bool {
         let tests = TESTS_PER_POINT.saturating_mul(self.most.max(1 << 20));
-        self.inside.load(Relaxed) > self.most || self.tested.load(Relaxed) > tests
+        self.inside.load(Relaxed) > self.most || self.tested.load(Relaxed) > tests || self.effort.is_over()
     }
 }
 
@@ -178,7 +180,12 @@ impl Lattice {
     /// points. None if there are more than `most`, or if the surface is so large that counting
     /// takes more than work in proportion to `most`.
     pub fn count(&self, sdf: &Sdf, most: u64) -> Option<u64> {
-        let count = Count { inside: AtomicU64::new(0), tested: AtomicU64::new(0), most };
+        self.count_within(sdf, most, &Effort::at_most(u64::MAX))
+    }
+
+    /// [`Self::count`], which is also given up once the effort is over.
+    pub fn count_within(&self, sdf: &Sdf, most: u64, effort: &Effort) -> Option<u64> {
+        let count = Count { inside: AtomicU64::new(0), tested: AtomicU64::new(0), most, effort };
         self.count_in(sdf, &self.range, &count);
         (!count.is_over()).then(|| count.inside.into_inner())
     }
@@ -187,6 +194,7 @@ impl Lattice {
         if count.is_over() {
             return;
         }
+        count.effort.spent.fetch_add(1, Relaxed);
         match self.side(sdf, block) {
             Side::Outside => {}
             Side::Inside => drop(count.inside.fetch_add(points(block), Relaxed)),
@@ -198,6 +206,7 @@ impl Lattice {
                     let inside = indices(block).filter(|&i| self.inside(sdf, self.point(i, [0.5; 3]))).count();
                     count.inside.fetch_add(inside as u64, Relaxed);
                     count.tested.fetch_add(points(block), Relaxed);
+                    count.effort.spent.fetch_add(points(block), Relaxed);
                 }
             },
         }

@@ -40,6 +40,9 @@ pub fn check_bodies(check: &mut Check) {
     }
     let (mut total, mut counted) = (0, true);
     for (n, body) in scene.bodies.iter().enumerate() {
+        if check.faults.full() {
+            return;
+        }
         match check_body(check, &format!("/bodies/{n}"), body) {
             Some(particles) => total += particles,
             None => counted = false,
@@ -47,6 +50,9 @@ pub fn check_bodies(check: &mut Check) {
     }
     let most = most_particles(check);
     for (n, source) in scene.sources.iter().enumerate() {
+        if check.faults.full() {
+            return;
+        }
         match check_source(check, &format!("/sources/{n}"), source, most) {
             Some(particles) => total += particles,
             None => counted = false,
@@ -182,13 +188,21 @@ fn count_particles(check: &mut Check, at: &str, body: &Body, shape: &Shape, per_
     let inside = whole.clipped(n, per_axis, periodic);
     let sticks_out = whole.candidates() > inside.candidates();
     let most = most_particles(check);
-    let count = |lattice: &Lattice| lattice.count(&sdf, most);
+    let effort = check.effort(&sdf);
+    let count = |lattice: &Lattice| lattice.count_within(&sdf, most, &effort);
     if whole.candidates() > MAX_CANDIDATES && sticks_out {
         let reason = format!("the body spans {} to {}, far beyond the domain", extent(lower), extent(upper));
         check.fault(at, "outside_domain", reason, "shrink the body or enlarge the domain");
         return None;
     }
-    let counts = if whole.candidates() > MAX_CANDIDATES { None } else { count(&inside).zip(count(&whole)) };
+    let counts = if whole.candidates() > MAX_CANDIDATES {
+        None
+    } else {
+        count(&inside).and_then(|n| Some((n, if sticks_out { count(&whole)? } else { n })))
+    };
+    if !check.within(&effort, &sdf, at) {
+        return None;
+    }
     let Some((particles, all)) = counts else {
         let reason = format!("the body has more than {most} particles at a spacing of {} m, the limit", whole.spacing);
         let remedy = "raise dx, lower particles_per_cell or shrink the body";

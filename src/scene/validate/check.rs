@@ -2,8 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
+use std::sync::atomic::Ordering::Relaxed;
 
 use gridfall_core::sim::collider::Sdf;
+use gridfall_core::sim::source::Effort;
 
 use crate::fault::{Faults, join};
 use crate::limits::Limits;
@@ -21,12 +23,37 @@ pub struct Check<'a> {
     pub dimension: usize,
     pub limits: &'a Limits,
     pub faults: &'a mut Faults,
+    /// Work done so far, in units of [`Limits::max_work`].
+    pub work: u64,
 }
 
 impl Check<'_> {
     /// Adds a fault, unless the value at `at` is already known to be at fault.
     pub fn fault(&mut self, at: &str, code: &'static str, reason: impl Display, remedy: impl Display) {
         self.faults.add(at, code, reason.to_string(), remedy.to_string());
+    }
+
+    /// The distances to a shape that may still be asked for.
+    pub fn effort(&self, sdf: &Sdf) -> Effort {
+        let left = self.limits.max_work.saturating_sub(self.work);
+        Effort::at_most(left / sdf.ops.len().max(1) as u64)
+    }
+
+    /// Accounts for an effort. Too much is a fault of the shape at `at`; returns whether it was not.
+    pub fn within(&mut self, effort: &Effort, sdf: &Sdf, at: &str) -> bool {
+        let parts = sdf.ops.len().max(1) as u64;
+        self.work = self.work.saturating_add(effort.spent.load(Relaxed).saturating_mul(parts));
+        if effort.is_over() {
+            let reason = format!(
+                "finding its particles takes too much work: with this shape of {parts} parts, the scene asks for more \
+                 than {} distances to parts",
+                self.limits.max_work
+            );
+            let remedy = "write it with fewer parts, make its surface smaller or raise dx; \
+                          `gridfall run` has no such limit, and the server's is --max-work";
+            self.fault(at, "too_costly", reason, remedy);
+        }
+        !effort.is_over()
     }
 
     /// Whether the scene's dimension is valid.

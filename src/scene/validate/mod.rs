@@ -43,7 +43,7 @@ pub(crate) fn check(scene: &Scene, resolved: &Resolved, limits: &Limits, faults:
     if !(2..=3).contains(&scene.dimension) {
         faults.add("/dimension", "out_of_range", format!("{} dimensions", scene.dimension), "write 2 or 3");
     }
-    let check = &mut Check { scene, resolved, dimension: scene.dimension as usize, limits, faults };
+    let check = &mut Check { scene, resolved, dimension: scene.dimension as usize, limits, faults, work: 0 };
     check.name("/name", &scene.name);
     if let Some(text) = &scene.description {
         check.legible("/description", &text.replace(['\n', '\r', '\t'], " "));

@@ -25,6 +25,9 @@ pub fn check_colliders(check: &mut Check) {
         }
     }
     for (n, c) in scene.colliders.iter().enumerate() {
+        if check.faults.full() {
+            return;
+        }
         let at = format!("/colliders/{n}");
         check_shape(check, &join(&at, "shape"), &c.shape);
         check.contact(&at, c.contact, c.friction);

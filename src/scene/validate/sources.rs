@@ -73,10 +73,14 @@ fn count(check: &mut Check, at: &str, source: &Source, most: u64) -> Option<u64>
             return None;
         }
         let outside = |x: &[f64; 3]| (0..d).any(|a| !periodic[a] && (x[a] < min[a] || x[a] > max[a]));
+        let effort = check.effort(&source.sdf);
         let (entering, lost) = source
-            .entering(frame)
+            .entering_within(frame, Some(&effort))
             .map(|x| (1u64, u64::from(outside(&x))))
             .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        if !check.within(&effort, &source.sdf, at) {
+            return None;
+        }
         if lost > 0 {
             let reason = format!(
                 "{lost} particles that enter the shape in frame {} begin that frame outside the domain, upstream",

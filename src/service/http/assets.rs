@@ -7,6 +7,7 @@ use axum::response::{IntoResponse, Response};
 
 use super::dto::{self, Asset, AssetList};
 use super::extract::{AssetBody, AssetId};
+use super::health::require_space;
 use super::openapi::PROBLEM;
 use super::outputs::FileAnswer;
 use super::problem::{Code, Problem, internal};
@@ -24,14 +25,16 @@ use gridfall_scene::assets::examine;
         (status = 201, body = Asset, description = "Kept",
             headers(("Location" = String, description = "Path of the asset"))),
         (status = 422, body = dto::Problem, content_type = PROBLEM, description = "`invalid_asset`"),
+        (status = 507, body = dto::Problem, content_type = PROBLEM, description = "`disk_low`"),
     ))]
-pub async fn put(State(api): State<Api>, AssetBody(bytes): AssetBody) -> Result<Response, Problem> {
+pub async fn put(State(api): State<Api>, AssetBody(bytes, room): AssetBody) -> Result<Response, Problem> {
+    require_space(&api)?;
     let permit = permit(&api).await?;
     let files = api.data.assets();
     let kept = tokio::task::spawn_blocking(move || {
         // Held here and not by the request: a client that disconnects does not make the work
         // cheaper.
-        let _permit = permit;
+        let (_permit, _room) = (permit, room);
         let kind = examine(&bytes).map_err(|reason| Problem::new(Code::InvalidAsset, reason))?;
         files.put(&bytes, kind).map_err(Problem::from)
     });

@@ -19,8 +19,12 @@ use gridfall_scene as scene;
 #[serde(deny_unknown_fields)]
 pub struct SubmitJob {
     /// The scene document; its JSON Schema is at `/v1/schema/scene`.
-    #[schema(value_type = Object)]
-    pub scene: serde_json::Value,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Object>)]
+    pub scene: Option<serde_json::Value>,
+    /// Instead of `scene`: the id of one that was kept (`POST /v1/scenes`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scene_id: Option<String>,
     /// Name of the job; the scene's by default.
     #[schema(max_length = 200)]
     pub name: Option<String>,
@@ -101,6 +105,27 @@ pub struct Backend {
     pub reason: String,
 }
 
+/// What jobs run on.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct DeviceList {
+    /// `ready`, `opening`, `unusable` or `stopped`.
+    pub state: &'static str,
+    /// Which devices were taken and why, or why none can be used.
+    pub reason: String,
+    /// The preferred one first; scenes that it cannot run go to the next.
+    pub devices: Vec<Backend>,
+}
+
+/// How to read a recording.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct RecordingQuery {
+    /// Of a job that has not ended: send the recording as it grows, until it is complete.
+    #[serde(default)]
+    pub follow: bool,
+}
+
 /// Why a job failed.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Failure {
@@ -129,6 +154,31 @@ impl From<store::Asset> for Asset {
 #[derive(Debug, Serialize, ToSchema)]
 pub struct AssetList {
     pub assets: Vec<Asset>,
+}
+
+/// A scene to be kept.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct KeepScene {
+    /// The scene document; its JSON Schema is at `/v1/schema/scene`.
+    #[schema(value_type = Object)]
+    pub scene: serde_json::Value,
+}
+
+/// A scene that is kept.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct KeptScene {
+    /// `sha256:` and the 64 hexadecimal digits of the SHA-256 of the document as it is kept: in
+    /// compact JSON with sorted names.
+    pub id: String,
+    pub name: String,
+    pub particles: u64,
+}
+
+/// All scenes that are kept.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct SceneList {
+    pub ids: Vec<String>,
 }
 
 /// Which jobs to list.
@@ -327,7 +377,7 @@ pub struct Ready {
 /// One condition of readiness.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Check {
-    /// `store`, `worker` or `device`.
+    /// `store`, `worker`, `device` or `disk`.
     pub name: &'static str,
     pub ok: bool,
     pub detail: String,

@@ -9,59 +9,79 @@ use axum::extract::rejection::{JsonRejection, PathRejection, QueryRejection};
 use axum::extract::{FromRequest, FromRequestParts, Request};
 use axum::http::request::Parts;
 use serde::de::DeserializeOwned;
+use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::timeout;
 use uuid::Uuid;
 
-use super::problem::{Code, Problem};
-use super::state::Api;
+use super::problem::{Code, Problem, internal};
+use super::state::{Api, BODY_UNIT};
 
 /// Bytes beyond the limit that are read and discarded before a body is refused. A client that is
 /// still sending when the connection closes may never see the reason.
 const DISCARDED_BYTES: usize = 64 << 20;
 
-/// A JSON body.
-pub struct JsonBody<T>(pub T);
+/// Longer JSON is parsed on a thread that may take its time (bytes).
+const LONG_JSON: usize = 64 << 10;
 
-impl<T: DeserializeOwned> FromRequest<Api> for JsonBody<T> {
+/// Room for a body, given back when this is dropped.
+pub struct Room(Option<OwnedSemaphorePermit>);
+
+/// A JSON body, and the room that it takes until it is judged.
+pub struct JsonBody<T>(pub T, pub Room);
+
+impl<T: DeserializeOwned + Send + 'static> FromRequest<Api> for JsonBody<T> {
     type Rejection = Problem;
 
     async fn from_request(request: Request, api: &Api) -> Result<Self, Problem> {
         let (parts, body) = request.into_parts();
-        let bytes = read_in_time(body, api.config.max_body_bytes, api).await?;
-        match axum::Json::from_request(Request::from_parts(parts, bytes.into()), api).await {
-            Ok(axum::Json(value)) => Ok(Self(value)),
-            Err(rejection) => Err(json_problem(&rejection)),
-        }
+        let (bytes, room) = read_in_time(body, api.config.max_body_bytes, api).await?;
+        let mut room = room;
+        room.widen(bytes.len() + parsed_bytes(&bytes), api)?;
+        // Asks for the media type, and leaves long bodies to another thread.
+        let long = bytes.len() > LONG_JSON;
+        let head = Request::from_parts(parts, Body::from(if long { b"null".to_vec() } else { bytes.clone() }));
+        let parsed = match axum::Json::<T>::from_request(head, api).await {
+            Err(rejection @ JsonRejection::MissingJsonContentType(_)) => return Err(json_problem(&rejection)),
+            _ if long => {
+                let parse = move || axum::Json::<T>::from_bytes(&bytes);
+                tokio::task::spawn_blocking(parse).await.map_err(internal)?
+            }
+            parsed => parsed,
+        };
+        parsed.map(|axum::Json(value)| Self(value, room)).map_err(|rejection| json_problem(&rejection))
     }
 }
 
-/// The bytes of an upload.
-pub struct AssetBody(pub Vec<u8>);
+/// The bytes of an upload, and the room that they take.
+pub struct AssetBody(pub Vec<u8>, pub Room);
 
 impl FromRequest<Api> for AssetBody {
     type Rejection = Problem;
 
     async fn from_request(request: Request, api: &Api) -> Result<Self, Problem> {
-        read_in_time(request.into_body(), api.config.max_asset_bytes, api).await.map(Self)
+        let (bytes, room) = read_in_time(request.into_body(), api.config.max_asset_bytes, api).await?;
+        Ok(Self(bytes, room))
     }
 }
 
-async fn read_in_time(body: Body, max: usize, api: &Api) -> Result<Vec<u8>, Problem> {
+async fn read_in_time(body: Body, max: usize, api: &Api) -> Result<(Vec<u8>, Room), Problem> {
     let within = api.config.body_timeout;
-    timeout(within, read(body, max)).await.unwrap_or_else(|_| {
+    timeout(within, read(body, max, api)).await.unwrap_or_else(|_| {
         let detail = format!("the body did not arrive within {} s", within.as_secs_f64());
         Err(Problem::new(Code::RequestTimeout, detail))
     })
 }
 
 /// Reads a body of at most `max` bytes.
-async fn read(mut body: Body, max: usize) -> Result<Vec<u8>, Problem> {
+async fn read(mut body: Body, max: usize, api: &Api) -> Result<(Vec<u8>, Room), Problem> {
     let (mut bytes, mut received) = (Vec::new(), 0usize);
+    let mut room = Room(None);
     while let Some(frame) = poll_fn(|context| Pin::new(&mut body).poll_frame(context)).await {
         let frame = frame.map_err(|error| Problem::new(Code::InvalidBody, reason(&error)))?;
         let Ok(data) = frame.into_data() else { continue };
         received = received.saturating_add(data.len());
         if received <= max {
+            room.widen(received, api)?;
             bytes.extend_from_slice(&data);
         } else if received - max > DISCARDED_BYTES {
             break;
@@ -70,7 +90,45 @@ async fn read(mut body: Body, max: usize) -> Result<Vec<u8>, Problem> {
     if received > max {
         return Err(Problem::new(Code::BodyTooLarge, format!("a body may have at most {max} bytes")));
     }
-    Ok(bytes)
+    Ok((bytes, room))
+}
+
+impl Room {
+    /// Takes what is missing for so many bytes.
+    fn widen(&mut self, bytes: usize, api: &Api) -> Result<(), Problem> {
+        let missing = bytes.div_ceil(BODY_UNIT) - self.0.as_ref().map_or(0, OwnedSemaphorePermit::num_permits);
+        if missing == 0 {
+            return Ok(());
+        }
+        let more = api.bodies.clone().try_acquire_many_owned(missing as u32).map_err(|_| {
+            let detail = "the bodies of other requests take all the memory that there is for them";
+            Problem::new(Code::Overloaded, detail).retry_after(5)
+        })?;
+        match &mut self.0 {
+            Some(permit) => permit.merge(more),
+            none => *none = Some(more),
+        }
+        Ok(())
+    }
+}
+
+/// What the values of a JSON text take once they are parsed, at most (bytes): nodes of maps, lists,
+/// values.
+fn parsed_bytes(json: &[u8]) -> usize {
+    let (mut bytes, mut in_string, mut escaped) = (0, false, false);
+    for &byte in json {
+        match byte {
+            _ if escaped => escaped = false,
+            b'\\' if in_string => escaped = true,
+            b'"' => in_string = !in_string,
+            _ if in_string => {}
+            b'{' => bytes += 640,
+            b'[' => bytes += 128,
+            b',' => bytes += 32,
+            _ => {}
+        }
+    }
+    bytes
 }
 
 fn json_problem(rejection: &JsonRejection) -> Problem {
@@ -110,7 +168,7 @@ impl FromRequestParts<Api> for JobId {
     }
 }
 
-/// The `{id}` of an asset in the path.
+/// The `{id}` of an asset or a kept scene in the path.
 pub struct AssetId(pub String);
 
 impl FromRequestParts<Api> for AssetId {
@@ -124,7 +182,7 @@ impl FromRequestParts<Api> for AssetId {
         if hex.len() == 64 && hex.bytes().all(|byte| byte.is_ascii_hexdigit()) {
             Ok(Self(id))
         } else {
-            Err(form("an asset id is `sha256:` and 64 hexadecimal digits".into()))
+            Err(form("an id is `sha256:` and 64 hexadecimal digits".into()))
         }
     }
 }

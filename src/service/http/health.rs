@@ -4,7 +4,7 @@ use axum::Json;
 use axum::extract::State;
 
 use super::dto::{Check, Live, Ready};
-use super::problem::Problem;
+use super::problem::{Code, Problem};
 use super::state::Api;
 use crate::jobs::DeviceState;
 
@@ -12,6 +12,26 @@ use crate::jobs::DeviceState;
 #[utoipa::path(get, path = "/livez", tag = "health", responses((status = 200, body = Live)))]
 pub async fn livez() -> Json<Live> {
     Json(Live { status: "live", version: env!("CARGO_PKG_VERSION") })
+}
+
+/// Is there room for one more recording?
+fn disk(api: &Api) -> Check {
+    let least = api.config.min_free_bytes;
+    let (ok, detail) = match api.data.free_bytes() {
+        Ok(free) if free >= least => (true, format!("{} MiB are free", free >> 20)),
+        Ok(free) => {
+            let (free, least) = (free >> 20, least >> 20);
+            (false, format!("{free} MiB are free, and jobs need {least} MiB (--min-free-bytes); delete jobs or files"))
+        }
+        Err(error) => (false, format!("the data directory's file system does not answer: {error}")),
+    };
+    Check { name: "disk", ok, detail }
+}
+
+/// Refuses what takes space where there is little.
+pub fn require_space(api: &Api) -> Result<(), Problem> {
+    let disk = disk(api);
+    if disk.ok { Ok(()) } else { Err(Problem::new(Code::DiskLow, disk.detail).retry_after(60)) }
 }
 
 /// Can the server take and run jobs, and if not, why?
@@ -38,7 +58,7 @@ pub async fn readyz(State(api): State<Api>) -> Result<Json<Ready>, Problem> {
         DeviceState::Unusable(reason) => Check { name: "device", ok: false, detail: reason },
         DeviceState::Stopped => Check { name: "device", ok: false, detail: "the devices are closed".into() },
     };
-    let checks = vec![store, worker, device];
+    let checks = vec![store, worker, device, disk(&api)];
     if checks.iter().all(|check| check.ok) {
         Ok(Json(Ready { status: "ready", checks }))
     } else {

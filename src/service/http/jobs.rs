@@ -2,15 +2,18 @@
 
 use axum::Json;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use sha2::{Digest, Sha256};
+use tokio::time::{Duration, Instant, timeout_at};
+use uuid::Uuid;
 
+use super::conditional::Version;
 use super::dto::{self, JobList, ListJobs, SubmitJob};
 use super::extract::{JobId, JsonBody, Query};
+use super::health::require_space;
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
-use super::range::{entity_tag_matches, not_modified};
 use super::scenes::judge;
 use super::state::Api;
 use crate::store::{Deletion, NewJob, Status, Submission};
@@ -32,18 +35,20 @@ const IDEMPOTENCY_KEY: &str = "idempotency-key";
             description = "`invalid_json`, `invalid_body`, `invalid_header`"),
         (status = 422, body = dto::Problem, content_type = PROBLEM,
             description = "`invalid_scene` with all its `faults`, `invalid_request`, `idempotency_key_reused`"),
+        (status = 507, body = dto::Problem, content_type = PROBLEM, description = "`disk_low`"),
         (status = 429, body = dto::Problem, content_type = PROBLEM, description = "`queue_full`",
             headers(("Retry-After" = u32, description = "Seconds"))),
     ))]
 pub async fn submit(
     State(api): State<Api>,
     headers: HeaderMap,
-    JsonBody(request): JsonBody<SubmitJob>,
+    JsonBody(request, room): JsonBody<SubmitJob>,
 ) -> Result<Response, Problem> {
+    require_space(&api)?;
     let idempotency_key = headers.get(IDEMPOTENCY_KEY).map(idempotency_key).transpose()?;
     let request_sha256 = sha256_hex(&serde_json::to_vec(&request).map_err(internal)?);
     let name = request.name.clone().map(valid_name).transpose()?;
-    let new = judge(&api, request, move |admitted| NewJob {
+    let new = judge(&api, request, room, move |admitted| NewJob {
         name: name.unwrap_or(admitted.scene.name),
         scene: admitted.document,
         particles: admitted.problem.setup.total_particles() as u64,
@@ -116,41 +121,100 @@ pub async fn list(State(api): State<Api>, Query(query): Query<ListJobs>) -> Resu
     params(
         ("id" = Uuid, Path),
         ("If-None-Match" = Option<String>, Header, description = "`ETag` of an earlier answer"),
+        ("Prefer" = Option<String>, Header, description = "`wait=SECONDS`: answer when the job is no longer as in \
+            `If-None-Match` or, without that, when it has ended; at the latest after so long, and after a minute"),
     ),
     responses(
-        (status = 200, body = dto::Job, headers(("ETag" = String))),
+        (status = 200, body = dto::Job, headers(("ETag" = String), ("Preference-Applied" = String))),
         (status = 304, description = "The job is as it was"),
     ))]
 pub async fn get(State(api): State<Api>, JobId(id): JobId, headers: HeaderMap) -> Result<Response, Problem> {
-    let job = api.store.get(id).await?.ok_or_else(|| Problem::job_not_found(id))?;
-    let body = serde_json::to_vec(&dto::Job::from(job)).map_err(internal)?;
-    let tag = format!("\"{}\"", &sha256_hex(&body)[..32]);
-    if entity_tag_matches(headers.get(header::IF_NONE_MATCH), &tag) {
-        return Ok(not_modified(&tag));
+    let wait = preferred_wait(&headers).map(|seconds| seconds.min(api.config.max_wait.as_secs()));
+    let Some(seconds) = wait else { return now(&api, id, &headers).await.map(|(answer, _)| answer) };
+    let until = Instant::now() + Duration::from_secs(seconds);
+    let mut seen = api.watch(id).await?;
+    loop {
+        let (mut answer, ended) = now(&api, id, &headers).await?;
+        // With a tag the client waits for any change, without one for the end.
+        let changed = headers.contains_key(header::IF_NONE_MATCH) && answer.status() != StatusCode::NOT_MODIFIED;
+        if ended || changed || timeout_at(until, seen.changed()).await.is_err() {
+            let applied = HeaderValue::try_from(format!("wait={seconds}")).expect("digits are fit for a header");
+            answer.headers_mut().insert("preference-applied", applied);
+            return Ok(answer);
+        }
     }
-    let headers =
-        [(header::CONTENT_TYPE, "application/json"), (header::ETAG, tag.as_str()), (header::CACHE_CONTROL, "no-cache")];
-    Ok((headers, body).into_response())
+}
+
+/// A job as it stands, and whether it has ended.
+async fn now(api: &Api, id: Uuid, headers: &HeaderMap) -> Result<(Response, bool), Problem> {
+    let job = api.store.get(id).await?.ok_or_else(|| Problem::job_not_found(id))?;
+    let ended = job.status.is_terminal();
+    let body = serde_json::to_vec(&dto::Job::from(job)).map_err(internal)?;
+    let version = version(&body);
+    if let Some(answer) = version.judge(&Method::GET, headers)? {
+        return Ok((answer, ended));
+    }
+    let mut answer = ([(header::CONTENT_TYPE, "application/json")], body).into_response();
+    version.write(answer.headers_mut());
+    Ok((answer, ended))
+}
+
+/// The seconds of `Prefer: wait=N` (RFC 7240).
+fn preferred_wait(headers: &HeaderMap) -> Option<u64> {
+    let preferences = headers.get_all("prefer").iter().filter_map(|value| value.to_str().ok());
+    preferences.flat_map(|list| list.split([',', ';'])).find_map(|one| one.trim().strip_prefix("wait=")?.parse().ok())
+}
+
+/// The version of a job that an answer shows.
+pub(super) fn version(body: &[u8]) -> Version {
+    Version::of_tag(format!("\"{}\"", &sha256_hex(body)[..32]))
+}
+
+/// Fails if the client has decided on another version of the job than it has now.
+async fn require(api: &Api, id: Uuid, headers: &HeaderMap) -> Result<(), Problem> {
+    if headers.contains_key(header::IF_MATCH) {
+        let job = api.store.get(id).await?.ok_or_else(|| Problem::job_not_found(id))?;
+        version(&serde_json::to_vec(&dto::Job::from(job)).map_err(internal)?).require(headers)?;
+    }
+    Ok(())
 }
 
 /// Cancels a job. A queued one ends at once; a running one stops within about a second and keeps its recording so far;
 /// nothing happens to one that has ended.
-#[utoipa::path(post, path = "/v1/jobs/{id}/cancel", tag = "jobs", params(("id" = Uuid, Path)), responses(
+#[utoipa::path(post, path = "/v1/jobs/{id}/cancel", tag = "jobs",
+    params(
+        ("id" = Uuid, Path),
+        ("If-Match" = Option<String>, Header, description = "`ETag` of the version to cancel; 412 for another one"),
+    ),
+    responses(
+    (status = 412, body = dto::Problem, content_type = PROBLEM, description = "`precondition_failed`"),
     (status = 200, body = dto::Job, description = "The job has ended"),
     (status = 202, body = dto::Job, description = "The job is running and will stop"),
 ))]
-pub async fn cancel(State(api): State<Api>, JobId(id): JobId) -> Result<(StatusCode, Json<dto::Job>), Problem> {
+pub async fn cancel(
+    State(api): State<Api>,
+    JobId(id): JobId,
+    headers: HeaderMap,
+) -> Result<(StatusCode, Json<dto::Job>), Problem> {
+    require(&api, id, &headers).await?;
     let job = api.store.cancel(id).await?.ok_or_else(|| Problem::job_not_found(id))?;
     let status = if job.status.is_terminal() { StatusCode::OK } else { StatusCode::ACCEPTED };
     Ok((status, Json(job.into())))
 }
 
 /// Deletes a job that has ended, and its files. Cancel a queued or running one first.
-#[utoipa::path(delete, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = Uuid, Path)), responses(
+#[utoipa::path(delete, path = "/v1/jobs/{id}", tag = "jobs",
+    params(
+        ("id" = Uuid, Path),
+        ("If-Match" = Option<String>, Header, description = "`ETag` of the version to delete; 412 for another one"),
+    ),
+    responses(
+    (status = 412, body = dto::Problem, content_type = PROBLEM, description = "`precondition_failed`"),
     (status = 204, description = "The job and its files are gone"),
     (status = 409, body = dto::Problem, content_type = PROBLEM, description = "`job_not_finished`"),
 ))]
-pub async fn delete(State(api): State<Api>, JobId(id): JobId) -> Result<StatusCode, Problem> {
+pub async fn delete(State(api): State<Api>, JobId(id): JobId, headers: HeaderMap) -> Result<StatusCode, Problem> {
+    require(&api, id, &headers).await?;
     match api.store.delete(id).await? {
         Deletion::Deleted => {
             let files = api.data.job(id);

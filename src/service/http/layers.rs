@@ -4,21 +4,35 @@ use std::any::Any;
 use std::time::Instant;
 
 use axum::extract::{MatchedPath, Request, State};
-use axum::http::{Method, Uri};
+use axum::http::{HeaderValue, Method, Uri};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use tokio::time::timeout;
+use tracing::Instrument;
+use uuid::Uuid;
 
 use super::problem::{Code, Problem};
 use super::state::Api;
 
-/// Counts and times requests, by route.
+/// Which request an answer and lines of the log belong to. Clients may choose it.
+const REQUEST_ID: &str = "x-request-id";
+
+fn is_sound(id: &HeaderValue) -> bool {
+    (1..=128).contains(&id.len()) && id.as_bytes().iter().all(u8::is_ascii_graphic)
+}
+
+/// Names, counts and times requests, by route.
 pub async fn observe(State(api): State<Api>, request: Request, next: Next) -> Response {
     let started = Instant::now();
+    let id = request.headers().get(REQUEST_ID).filter(|id| is_sound(id)).cloned();
+    let id = id.unwrap_or_else(|| HeaderValue::try_from(Uuid::now_v7().to_string()).expect("a UUID is ASCII"));
     let method = request.method().clone();
     let path = request.uri().path().to_owned();
     let route = request.extensions().get::<MatchedPath>().map_or("unmatched", MatchedPath::as_str).to_owned();
-    let response = next.run(request).await;
+    let span = tracing::info_span!("request", request_id = id.to_str().unwrap_or_default());
+    let mut response = next.run(request).instrument(span.clone()).await;
+    let _span = span.enter();
+    response.headers_mut().insert(REQUEST_ID, id);
     let (status, seconds) = (response.status(), started.elapsed().as_secs_f64());
     tracing::debug!(%method, path, status = status.as_u16(), seconds, "answered");
     api.metrics.observe(&method, route, status, seconds);

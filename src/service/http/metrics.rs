@@ -1,8 +1,10 @@
 //! Metrics for Prometheus. No label has a job's id: the number of jobs is unbounded, and the number
 //! of series must not be.
 
+use std::collections::HashMap;
+
 use axum::extract::State;
-use axum::http::{Method, StatusCode, header};
+use axum::http::{HeaderMap, Method, StatusCode, header};
 use axum::response::IntoResponse;
 use prometheus_client::encoding::{EncodeLabelSet, text};
 use prometheus_client::metrics::counter::Counter;
@@ -50,10 +52,7 @@ impl Metrics {
         };
         registry.register("build", "Version of the server", Info::new(vec![("version", env!("CARGO_PKG_VERSION"))]));
         registry.register("jobs", "Jobs kept, by status", metrics.jobs.clone());
-        registry.register("jobs_ended", "Jobs that the worker brought to an end, by status", counters.finished.clone());
-        registry.register("frames", "Frames recorded", counters.frames.clone());
-        registry.register("steps", "Sub-steps done", counters.steps.clone());
-        registry.register("particle_steps", "Particles times sub-steps done", counters.particle_steps.clone());
+        counters.register(&mut registry);
         registry.register("http_requests", "Requests answered", metrics.requests.clone());
         registry.register_with_unit(
             "http_request_duration",
@@ -85,17 +84,57 @@ fn method_label(method: &Method) -> &'static str {
     }
 }
 
-const TEXT: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+const OPENMETRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+const PLAIN: &str = "text/plain; version=0.0.4; charset=utf-8";
 
-/// Counters and gauges in the OpenMetrics text format, as Prometheus reads it.
+/// Counters and gauges in the Prometheus text format 0.0.4, or in OpenMetrics for clients that
+/// accept it.
 #[utoipa::path(get, path = "/metrics", tag = "health", responses(
-    (status = 200, body = String, content_type = "application/openmetrics-text"),
+    (status = 200, content(
+        (String = "text/plain"),
+        (String = "application/openmetrics-text"),
+    )),
 ))]
-pub async fn metrics(State(api): State<Api>) -> Result<impl IntoResponse, Problem> {
+pub async fn metrics(State(api): State<Api>, headers: HeaderMap) -> Result<impl IntoResponse, Problem> {
     for (status, n) in api.store.counts().await? {
         api.metrics.jobs.get_or_create(&StatusLabel { status }).set(n);
     }
     let mut body = String::new();
     text::encode(&mut body, &api.metrics.registry).map_err(internal)?;
-    Ok(([(header::CONTENT_TYPE, TEXT)], body))
+    let accepted = headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok());
+    let openmetrics = accepted.into_iter().any(|kinds| kinds.contains("application/openmetrics-text"));
+    let (kind, body) = if openmetrics { (OPENMETRICS, body) } else { (PLAIN, plain(&body)) };
+    Ok(([(header::CONTENT_TYPE, kind), (header::VARY, "accept")], body))
+}
+
+/// OpenMetrics in the older format: there a family has the name of its samples, suffix included,
+/// and `info`, units and the end are unknown.
+fn plain(openmetrics: &str) -> String {
+    let comment = |line: &'_ str| -> Option<(String, String, String)> {
+        let mut words = line.strip_prefix("# ")?.splitn(3, ' ').map(str::to_owned);
+        Some((words.next()?, words.next()?, words.next()?))
+    };
+    let types: HashMap<String, String> =
+        openmetrics.lines().filter_map(comment).filter(|(word, ..)| word == "TYPE").map(|(_, n, t)| (n, t)).collect();
+    let mut text = String::with_capacity(openmetrics.len());
+    for line in openmetrics.lines() {
+        if line.starts_with("# UNIT ") || line == "# EOF" {
+            continue;
+        }
+        match comment(line) {
+            Some((word, name, rest)) => {
+                let kind = types.get(&name).map_or("untyped", String::as_str);
+                let (suffix, kind) = match kind {
+                    "counter" => ("_total", "counter"),
+                    "info" => ("_info", "gauge"),
+                    other => ("", other),
+                };
+                let rest = if word == "TYPE" { kind } else { &rest };
+                text.push_str(&format!("# {word} {name}{suffix} {rest}"));
+            }
+            None => text.push_str(line),
+        }
+        text.push('\n');
+    }
+    text
 }

@@ -1,12 +1,21 @@
 //! The HTTP API. `router` lists all of it on one page.
 
 mod assets;
+mod conditional;
+mod connections;
+mod cors;
+mod devices;
 mod dto;
+mod encoding;
+mod events;
 mod extract;
+mod follow;
+mod guard;
 mod health;
 mod index;
 mod jobs;
 mod layers;
+mod load;
 mod metrics;
 mod openapi;
 mod outputs;
@@ -16,6 +25,7 @@ mod router;
 mod scenes;
 mod server;
 mod state;
+mod watch;
 
 pub use openapi::{document, document_json};
 pub use router::router;

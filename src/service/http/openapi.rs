@@ -56,8 +56,12 @@ pub async fn openapi() -> Json<Document> {
 /// gave none.
 pub(super) fn complete(document: &mut Document) {
     for (path, item) in &mut document.paths.paths {
-        for operation in [&mut item.get, &mut item.post, &mut item.put, &mut item.delete].into_iter().flatten() {
-            for (status, codes) in common_problems(path, operation) {
+        let operations =
+            [(&mut item.get, false), (&mut item.post, true), (&mut item.put, true), (&mut item.delete, true)];
+        for (operation, changes) in
+            operations.into_iter().filter_map(|(slot, changes)| slot.as_mut().zip(Some(changes)))
+        {
+            for (status, codes) in common_problems(path, operation, changes) {
                 operation.responses.responses.entry(status.to_owned()).or_insert_with(|| problem(&codes));
             }
             for response in operation.responses.responses.values_mut() {
@@ -72,7 +76,7 @@ pub(super) fn complete(document: &mut Document) {
 }
 
 /// Codes by status that any operation of this form may answer with.
-fn common_problems(path: &str, operation: &Operation) -> BTreeMap<&'static str, Vec<&'static str>> {
+fn common_problems(path: &str, operation: &Operation, changes: bool) -> BTreeMap<&'static str, Vec<&'static str>> {
     let takes = |kind: ParameterIn| {
         let mut parameters = operation.parameters.iter().flatten();
         parameters.any(|parameter| matches!(parameter, RefOr::T(parameter) if parameter.parameter_in == kind))
@@ -82,12 +86,23 @@ fn common_problems(path: &str, operation: &Operation) -> BTreeMap<&'static str, 
     let mut add = |status, codes: &[&'static str]| problems.entry(status).or_insert_with(Vec::new).extend(codes);
     if takes(ParameterIn::Path) {
         add("400", &["invalid_path"]);
-        add("404", if assets { &["asset_not_found"] } else { &["job_not_found"] });
+        add(
+            "404",
+            match path {
+                _ if assets => &["asset_not_found"],
+                _ if path.starts_with("/v1/scenes") => &["scene_not_found"],
+                _ => &["job_not_found"],
+            },
+        );
     }
     if takes(ParameterIn::Query) {
         add("400", &["invalid_query"]);
     }
+    if changes {
+        add("403", &["foreign_origin", "unknown_host"]);
+    }
     if operation.request_body.is_some() {
+        add("415", &["unsupported_encoding"]);
         add("408", &["request_timeout"]);
         add("413", &["body_too_large"]);
     }

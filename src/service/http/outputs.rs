@@ -2,7 +2,6 @@
 
 use std::io;
 use std::path::Path;
-use std::time::UNIX_EPOCH;
 
 use axum::Json;
 use axum::body::Body;
@@ -14,51 +13,103 @@ use tokio::io::{AsyncReadExt, AsyncSeekExt, SeekFrom};
 use tokio_util::io::ReaderStream;
 use uuid::Uuid;
 
-use super::dto::{self, Diagnostics, DiagnosticsFormat, DiagnosticsPer, DiagnosticsQuery};
+use super::conditional::Version;
+use super::dto::{self, Diagnostics, DiagnosticsFormat, DiagnosticsPer, DiagnosticsQuery, RecordingQuery};
 use super::extract::{JobId, Query};
+use super::follow::follow;
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
-use super::range::{Selection, entity_tag_matches, not_modified, select};
+use super::range::{Selection, select};
 use super::state::Api;
 use crate::store::{AttemptFiles, Status};
 use gridfall_recording::{self as recording, RecordingError};
 
-/// The recording (MCAP). Of a job that has ended: the file, by ranges if asked. Of a running one: a
-/// complete recording of the frames so far.
+/// How much of a file is read at a time (bytes).
+const READ_BYTES: usize = 64 << 10;
+
+/// The recording (MCAP) of a job that has ended, by ranges if asked. Once there, it never changes,
+/// so a download may be resumed at any time. With `follow=true` it can be read while the job runs.
 #[utoipa::path(get, path = "/v1/jobs/{id}/recording.mcap", tag = "outputs",
     params(
         ("id" = Uuid, Path),
-        ("Range" = Option<String>, Header, description = "One byte range of a finished recording"),
-        ("If-Range" = Option<String>, Header, description = "`ETag` that the range is of"),
-        ("If-None-Match" = Option<String>, Header, description = "`ETag` of an earlier answer"),
+        RecordingQuery,
+        ("Range" = Option<String>, Header, description = "One byte range"),
+        ("If-Range" = Option<String>, Header, description = "`ETag` or `Last-Modified` that the range is of"),
+        ("If-Match" = Option<String>, Header, description = "`ETag` of an earlier answer; 412 for another version"),
+        ("If-Unmodified-Since" = Option<String>, Header, description = "412 for a later version"),
+        ("If-None-Match" = Option<String>, Header, description = "`ETag` of an earlier answer; 304 for the same"),
+        ("If-Modified-Since" = Option<String>, Header, description = "304 if there is no later version"),
     ),
     responses(
         (status = 200, content_type = "application/octet-stream", body = dto::Bytes,
-            headers(("ETag" = String), ("Accept-Ranges" = String))),
+            headers(("ETag" = String), ("Last-Modified" = String), ("Accept-Ranges" = String))),
         (status = 206, content_type = "application/octet-stream", body = dto::Bytes,
             headers(("ETag" = String), ("Content-Range" = String))),
         (status = 304, description = "The recording is as it was"),
         (status = 404, body = dto::Problem, content_type = PROBLEM,
             description = "`job_not_found`, `output_not_found`"),
+        (status = 409, body = dto::Problem, content_type = PROBLEM,
+            description = "`job_not_finished`: `recording-so-far.mcap` has the frames so far"),
+        (status = 412, body = dto::Problem, content_type = PROBLEM, description = "`precondition_failed`"),
         (status = 416, body = dto::Problem, content_type = PROBLEM, description = "`range_not_satisfiable`"),
     ))]
 pub async fn recording(
     State(api): State<Api>,
     JobId(id): JobId,
+    Query(query): Query<RecordingQuery>,
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let (files, status) = find(&api, id).await?;
     let name = format!("gridfall-{id}.mcap");
+    if query.follow {
+        let job = api.store.get(id).await?.ok_or_else(|| Problem::job_not_found(id))?;
+        if !job.status.is_terminal() && method == Method::GET {
+            return follow(&api, id, &name).await;
+        }
+    }
+    let (files, status) = find(&api, id).await?;
     let file = FileAnswer { path: &files.recording(), content_type: "application/octet-stream", download: Some(&name) };
     if let Some(response) = file.send(&method, &headers).await? {
         return Ok(response);
     }
+    if status.is_terminal() {
+        return Err(missing("recording", status));
+    }
+    let detail = format!(
+        "the job runs, and its recording is not complete; GET /v1/jobs/{id}/recording-so-far.mcap for the frames so far, or this with ?follow=true to receive it as it grows"
+    );
+    Err(Problem::new(Code::JobNotFinished, detail))
+}
+
+/// The frames so far of a running job, as a complete recording (MCAP); the recording itself once
+/// the job has ended. Each answer is a file of its own, so none can be resumed.
+#[utoipa::path(get, path = "/v1/jobs/{id}/recording-so-far.mcap", tag = "outputs",
+    params(("id" = Uuid, Path)),
+    responses(
+        (status = 200, content_type = "application/octet-stream", body = dto::Bytes),
+        (status = 404, body = dto::Problem, content_type = PROBLEM,
+            description = "`job_not_found`, `output_not_found`"),
+        (status = 416, body = dto::Problem, content_type = PROBLEM,
+            description = "`range_not_satisfiable`: a part of one answer does not fit another"),
+    ))]
+pub async fn recording_so_far(
+    State(api): State<Api>,
+    JobId(id): JobId,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let (files, status) = find(&api, id).await?;
+    // Clients that resume take even a whole answer for a continuation.
+    if headers.get(header::RANGE).is_some_and(|range| range != "bytes=0-") {
+        let detail = "the recording so far is another file with every frame; download it anew, as a whole";
+        return Err(Problem::new(Code::RangeNotSatisfiable, detail));
+    }
+    let name = format!("gridfall-{id}-so-far.mcap");
     if let Some(response) = snapshot(&files, &name).await? {
         return Ok(response);
     }
-    // If the recording was finished between the two looks, it is there now.
-    file.send(&method, &headers).await?.ok_or_else(|| missing("recording", status))
+    let Some(file) = found(File::open(files.recording()).await)? else { return Err(missing("recording", status)) };
+    let length = file.metadata().await?.len();
+    Ok(unresumable(Body::from_stream(ReaderStream::with_capacity(file, READ_BYTES)), length, &name))
 }
 
 /// The frames so far as a complete recording; `None` before the first one is written.
@@ -72,16 +123,21 @@ async fn snapshot(files: &AttemptFiles, name: &str) -> Result<Option<Response>, 
         Err(error) => return Err(internal(error)),
     };
     let length = snapshot.length();
-    let body = ReaderStream::new(file.take(snapshot.prefix).chain(io::Cursor::new(snapshot.tail)));
+    let body =
+        ReaderStream::with_capacity(file.take(snapshot.prefix).chain(io::Cursor::new(snapshot.tail)), READ_BYTES);
+    Ok(Some(unresumable(Body::from_stream(body), length, name)))
+}
+
+/// An answer that the next request would get differently.
+fn unresumable(body: Body, length: u64, name: &str) -> Response {
     let headers = [
         (header::CONTENT_TYPE, "application/octet-stream".to_owned()),
         (header::CONTENT_LENGTH, length.to_string()),
         (header::CONTENT_DISPOSITION, format!("attachment; filename=\"{name}\"")),
-        // The next request finds more frames.
         (header::ACCEPT_RANGES, "none".to_owned()),
         (header::CACHE_CONTROL, "no-store".to_owned()),
     ];
-    Ok(Some((headers, Body::from_stream(body)).into_response()))
+    (headers, body).into_response()
 }
 
 /// A picture of the last frame (PNG), once the job has ended.
@@ -194,15 +250,12 @@ impl FileAnswer<'_> {
         let Some(mut file) = found(File::open(self.path).await)? else { return Ok(None) };
         let metadata = file.metadata().await?;
         let length = metadata.len();
-        let modified_ns = metadata.modified()?.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos());
-        let tag = format!("\"{length:x}-{modified_ns:x}\"");
-        if entity_tag_matches(request.get(header::IF_NONE_MATCH), &tag) {
-            return Ok(Some(not_modified(&tag)));
+        let version = Version::of_file(length, metadata.modified()?);
+        if let Some(answer) = version.judge(method, request)? {
+            return Ok(Some(answer));
         }
-        // A range of another version of the file would not fit what the client has. Ranges apply
-        // only to GET.
-        let same_version = request.get(header::IF_RANGE).is_none_or(|given| given.as_bytes() == tag.as_bytes());
-        let range = request.get(header::RANGE).filter(|_| same_version && method == Method::GET);
+        // Ranges apply only to GET.
+        let range = request.get(header::RANGE).filter(|_| version.has_range_of(request) && method == Method::GET);
         let (status, part) = match select(range, length) {
             Selection::Whole => (StatusCode::OK, 0..length),
             Selection::Part(part) => (StatusCode::PARTIAL_CONTENT, part),
@@ -213,14 +266,13 @@ impl FileAnswer<'_> {
         };
         file.seek(SeekFrom::Start(part.start)).await?;
         let n = part.end - part.start;
-        let body = Body::from_stream(ReaderStream::with_capacity(file.take(n), 64 << 10));
+        let body = Body::from_stream(ReaderStream::with_capacity(file.take(n), READ_BYTES));
         let mut response = (status, body).into_response();
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(self.content_type));
         headers.insert(header::CONTENT_LENGTH, n.into());
         headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
-        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
-        headers.insert(header::ETAG, ascii(tag));
+        version.write(headers);
         if status == StatusCode::PARTIAL_CONTENT {
             headers.insert(header::CONTENT_RANGE, ascii(format!("bytes {}-{}/{length}", part.start, part.end - 1)));
         }

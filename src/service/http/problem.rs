@@ -38,15 +38,20 @@ codes! {
     InvalidPath BAD_REQUEST "The path has a part of the wrong form",
     InvalidQuery BAD_REQUEST "A query parameter is unknown or out of range",
     InvalidHeader BAD_REQUEST "A header is out of form",
+    ForeignOrigin FORBIDDEN "A page of another origin may not change anything here",
+    UnknownHost FORBIDDEN "The server does not know itself by this name",
     RouteNotFound NOT_FOUND "There is nothing at this path",
     JobNotFound NOT_FOUND "There is no such job",
     AssetNotFound NOT_FOUND "There is no such asset",
+    SceneNotFound NOT_FOUND "There is no such scene",
     OutputNotFound NOT_FOUND "The job has no such output yet",
     MethodNotAllowed METHOD_NOT_ALLOWED "The path has no such method",
     RequestTimeout REQUEST_TIMEOUT "The request did not arrive in time",
     JobNotFinished CONFLICT "The job has not ended",
+    PreconditionFailed PRECONDITION_FAILED "It is another version",
     BodyTooLarge PAYLOAD_TOO_LARGE "The body is too large",
     UnsupportedMediaType UNSUPPORTED_MEDIA_TYPE "The body is not declared as JSON",
+    UnsupportedEncoding UNSUPPORTED_MEDIA_TYPE "The body has an encoding that the server does not decode",
     RangeNotSatisfiable RANGE_NOT_SATISFIABLE "The range lies outside the file",
     InvalidRequest UNPROCESSABLE_ENTITY "The body has not the form of a request",
     InvalidAsset UNPROCESSABLE_ENTITY "The upload is nothing that scenes can use",
@@ -56,6 +61,7 @@ codes! {
     Internal INTERNAL_SERVER_ERROR "The server failed",
     Overloaded SERVICE_UNAVAILABLE "The server is too busy",
     NotReady SERVICE_UNAVAILABLE "The server is not ready",
+    DiskLow INSUFFICIENT_STORAGE "The disk is nearly full",
 }
 
 /// An error that will be sent to the client.

@@ -1,9 +1,8 @@
-//! Conditional requests and byte ranges (RFC 9110 §13, §14).
+//! Byte ranges (RFC 9110 §14).
 
 use std::ops::Range;
 
-use axum::http::{HeaderValue, StatusCode, header};
-use axum::response::{IntoResponse, Response};
+use axum::http::HeaderValue;
 
 /// The part of a file that a request asks for.
 #[derive(Debug, PartialEq, Eq)]
@@ -44,16 +43,6 @@ fn part(start: u64, end: u64, length: u64) -> Selection {
     if start < length { Selection::Part(start..end.min(length)) } else { Selection::Unsatisfiable }
 }
 
-/// True if a list of entity tags (`If-None-Match`) contains `tag`, or is `*`.
-pub fn entity_tag_matches(header: Option<&HeaderValue>, tag: &str) -> bool {
-    let Some(list) = header.and_then(|value| value.to_str().ok()) else { return false };
-    list.split(',').map(str::trim).any(|given| given == "*" || given.trim_start_matches("W/") == tag)
-}
-
-pub fn not_modified(tag: &str) -> Response {
-    (StatusCode::NOT_MODIFIED, [(header::ETAG, tag)]).into_response()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -85,12 +74,5 @@ mod tests {
         }
         assert_eq!(select(None, 10), Whole);
         assert_eq!(select(Some(&HeaderValue::from_static("bytes=-1")), 0), Unsatisfiable);
-    }
-
-    #[test]
-    fn entity_tags() {
-        let matches = |header| entity_tag_matches(Some(&HeaderValue::from_static(header)), "\"a\"");
-        assert!(matches("\"a\"") && matches("\"b\", \"a\"") && matches("W/\"a\"") && matches("*"));
-        assert!(!matches("\"b\"") && !matches("a") && !entity_tag_matches(None, "\"a\""));
     }
 }

@@ -1,19 +1,27 @@
 //! Scenes: are they valid, what do they cost, and what may they contain?
 
+use std::collections::BTreeMap;
+use std::io;
+use std::time::Instant;
+
 use axum::Json;
 use axum::extract::State;
-use axum::http::header;
-use axum::response::IntoResponse;
+use axum::http::{HeaderMap, Method, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde_json::Value;
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::timeout;
 
-use super::dto::{self, SubmitJob, ValidScene};
-use super::extract::JsonBody;
+use super::conditional::Version;
+use super::dto::{self, KeepScene, KeptScene, SceneList, SubmitJob, ValidScene};
+use super::extract::{AssetId, JsonBody, Room};
+use super::health::require_space;
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
 use crate::jobs::admission::{Admitted, admit};
-use gridfall_scene as scene;
+use crate::store::SceneFiles;
+use gridfall_scene::{self as scene, Limits};
 
 /// Judges a scene without running it: what it costs, or all its faults. Takes the body of a submission.
 #[utoipa::path(post, path = "/v1/scenes:validate", tag = "scenes", request_body = SubmitJob,
@@ -24,14 +32,14 @@ use gridfall_scene as scene;
     ))]
 pub async fn validate(
     State(api): State<Api>,
-    JsonBody(request): JsonBody<SubmitJob>,
+    JsonBody(request, room): JsonBody<SubmitJob>,
 ) -> Result<Json<ValidScene>, Problem> {
     let judged = |Admitted { problem, .. }: Admitted| {
         let estimate = scene::estimate::estimate(&problem).into();
         let notices = problem.setup.notices.into_iter().map(dto::Notice::from).collect();
         ValidScene { valid: true, notices, estimate }
     };
-    Ok(Json(judge(&api, request, judged).await?))
+    Ok(Json(judge(&api, request, room, judged).await?))
 }
 
 /// Waits for permission to check a scene; only a limited number is checked at a time.
@@ -47,18 +55,105 @@ pub async fn permit(api: &Api) -> Result<OwnedSemaphorePermit, Problem> {
 pub async fn judge<T: Send + 'static>(
     api: &Api,
     request: SubmitJob,
+    room: Room,
     with: impl FnOnce(Admitted) -> T + Send + 'static,
 ) -> Result<T, Problem> {
     let permit = permit(api).await?;
-    let (limits, assets) = (api.config.limits, api.data.assets());
+    let limits = Limits { max_work: api.config.max_work, ..api.config.limits };
+    let scenes = api.data.scenes();
+    let (assets, counters, span) = (api.data.assets(), api.worker.counters.clone(), tracing::Span::current());
     let judged = tokio::task::spawn_blocking(move || {
         // Held here and not by the request: a client that disconnects does not make the work
         // cheaper.
-        let _permit = permit;
+        let (_permit, _room) = (permit, room);
+        let _span = span.entered();
+        let started = Instant::now();
         let overrides: Vec<String> = request.overrides.iter().map(|(path, value)| format!("{path}={value}")).collect();
-        admit(request.scene, &overrides, &limits, &assets).map(with)
+        let document = document(request.scene, request.scene_id, &scenes)?;
+        let judged = admit(document, &overrides, &limits, &assets);
+        counters.stage("validate", started.elapsed());
+        judged.map(with).map_err(Problem::invalid_scene)
     });
-    judged.await.map_err(internal)?.map_err(Problem::invalid_scene)
+    judged.await.map_err(internal)?
+}
+
+/// The scene that a request has or names.
+fn document(scene: Option<Value>, id: Option<String>, kept: &SceneFiles) -> Result<Value, Problem> {
+    match (scene, id) {
+        (Some(scene), None) => Ok(scene),
+        (None, Some(id)) => {
+            let missing = || {
+                let detail = format!("/scene_id: there is no scene {id}; keep it with POST /v1/scenes first");
+                Problem::new(Code::InvalidRequest, detail)
+            };
+            serde_json::from_str(&kept.get(&id)?.ok_or_else(missing)?).map_err(internal)
+        }
+        _ => {
+            Err(Problem::new(Code::InvalidRequest, "give one of `scene`, a document, and `scene_id`, one that is kept"))
+        }
+    }
+}
+
+/// Keeps a scene, to be run by its id as often as wanted. It is judged like one that is submitted.
+/// The same scene twice is one.
+#[utoipa::path(post, path = "/v1/scenes", tag = "scenes", operation_id = "keep_scene", request_body = KeepScene,
+    responses(
+        (status = 200, body = KeptScene, description = "It was there already"),
+        (status = 201, body = KeptScene, description = "Kept",
+            headers(("Location" = String, description = "Path of the scene"))),
+        (status = 422, body = dto::Problem, content_type = PROBLEM,
+            description = "`invalid_scene` with all its `faults`, `invalid_request`"),
+        (status = 507, body = dto::Problem, content_type = PROBLEM, description = "`disk_low`"),
+    ))]
+pub async fn keep(
+    State(api): State<Api>,
+    JsonBody(KeepScene { scene }, room): JsonBody<KeepScene>,
+) -> Result<Response, Problem> {
+    require_space(&api)?;
+    let request = SubmitJob { scene: Some(scene), scene_id: None, name: None, overrides: BTreeMap::new() };
+    let files = api.data.scenes();
+    let kept = judge(&api, request, room, move |admitted| {
+        let (id, new) = files.put(&admitted.document)?;
+        let particles = admitted.problem.setup.total_particles() as u64;
+        io::Result::Ok((KeptScene { id, name: admitted.scene.name, particles }, new))
+    });
+    let (scene, new) = kept.await??;
+    let status = if new { StatusCode::CREATED } else { StatusCode::OK };
+    let location = format!("/v1/scenes/{}", scene.id);
+    Ok((status, [(header::LOCATION, location)], Json(scene)).into_response())
+}
+
+/// Lists the scenes that are kept, by id.
+#[utoipa::path(get, path = "/v1/scenes", tag = "scenes", operation_id = "list_scenes",
+    responses((status = 200, body = SceneList)))]
+pub async fn list(State(api): State<Api>) -> Result<Json<SceneList>, Problem> {
+    let files = api.data.scenes();
+    let ids = tokio::task::spawn_blocking(move || files.list()).await.map_err(internal)??;
+    Ok(Json(SceneList { ids }))
+}
+
+/// The document of a scene that is kept.
+#[utoipa::path(get, path = "/v1/scenes/{id}", tag = "scenes", operation_id = "get_scene",
+    params(
+        ("id" = String, Path, description = "`sha256:` and 64 hexadecimal digits"),
+        ("If-None-Match" = Option<String>, Header, description = "`ETag` of an earlier answer"),
+    ),
+    responses(
+        (status = 200, body = Object, headers(("ETag" = String))),
+        (status = 304, description = "The client has it"),
+    ))]
+pub async fn get(State(api): State<Api>, AssetId(id): AssetId, headers: HeaderMap) -> Result<Response, Problem> {
+    let (files, wanted) = (api.data.scenes(), id.to_ascii_lowercase());
+    let found = tokio::task::spawn_blocking(move || files.get(&wanted)).await.map_err(internal)??;
+    let missing = || Problem::new(Code::SceneNotFound, format!("there is no scene {id}; GET /v1/scenes lists all"));
+    let document = found.ok_or_else(missing)?;
+    let version = Version::of_tag(format!("\"{id}\""));
+    if let Some(answer) = version.judge(&Method::GET, &headers)? {
+        return Ok(answer);
+    }
+    let mut answer = ([(header::CONTENT_TYPE, "application/json")], document).into_response();
+    version.write(answer.headers_mut());
+    Ok(answer)
 }
 
 /// The JSON Schema of scenes.

@@ -10,6 +10,7 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 
+use super::connections;
 use super::router::router;
 use super::state::{Api, Config};
 use crate::jobs::{OpenDevices, Settings, Worker};
@@ -86,31 +87,27 @@ pub async fn serve(
     let address = listener.local_addr().map_err(ServeError::Serve)?;
     let settings = Settings { limits: config.limits, checkpoint_every };
     let worker = Worker::start(store.clone(), data.clone(), settings, devices).await?;
-    let app = router(Api::new(store.clone(), data, worker.shared(), config));
+    let api = Api::new(store.clone(), data, worker.shared(), config);
+    let (config, app) = (api.config.clone(), router(api));
 
     let (asked, end) = oneshot::channel();
-    let server = tokio::spawn(
-        axum::serve(listener, app)
-            .with_graceful_shutdown(async move {
-                shutdown.await;
-                tracing::info!("shutting down");
-                // The receiver is gone only if serving ended by itself.
-                let _ = asked.send(());
-            })
-            .into_future(),
-    );
+    let mut server = tokio::spawn(async move {
+        let stop = async {
+            shutdown.await;
+            tracing::info!("shutting down");
+            // Whoever waits for this may be gone.
+            let _ = asked.send(());
+        };
+        connections::serve(listener, app, &config, stop).await;
+    });
     listening(address);
-    let abort = server.abort_handle();
-    // Ends with `Ok` when asked to, and with `Err` if serving ended by itself and dropped the
-    // sender.
-    let by_request = end.await.is_ok();
+    // An error means that the server's task has died, which ends the server, too.
+    let _ = end.await;
     worker.shared().stop();
-    let served = tokio::time::timeout(DRAIN, server).await;
-    abort.abort();
+    if tokio::time::timeout(DRAIN, &mut server).await.is_err() {
+        server.abort();
+    }
     worker.stop(WORKER_PATIENCE).await;
     store.close().await;
-    match served {
-        Ok(Ok(Err(error))) if !by_request => Err(ServeError::Serve(error)),
-        _ => Ok(()),
-    }
+    Ok(())
 }

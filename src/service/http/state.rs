@@ -3,12 +3,17 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use axum::http::HeaderValue;
 use tokio::sync::Semaphore;
 
 use super::metrics::Metrics;
+use super::watch::Watches;
 use crate::jobs;
 use crate::store::{DataDir, JobStore};
 use gridfall_scene::Limits;
+
+/// Bodies are counted in units of so many bytes.
+pub(super) const BODY_UNIT: usize = 1 << 10;
 
 /// Limits on what clients may ask of the server.
 #[derive(Clone, Debug)]
@@ -17,16 +22,39 @@ pub struct Config {
     pub max_body_bytes: usize,
     /// Largest upload (bytes).
     pub max_asset_bytes: usize,
+    /// Memory for the bodies of all requests that are being read or judged, parsed JSON included
+    /// (bytes).
+    pub max_bodies_bytes: usize,
+    /// How long the head of a request may take to arrive, counted from when the connection is
+    /// ready for it. So a connection without requests is closed after this time, too.
+    pub header_timeout: Duration,
     /// How long a request body may take to arrive.
     pub body_timeout: Duration,
+    /// How long a client may take in nothing of an answer.
+    pub write_timeout: Duration,
+    /// Open connections; health, metrics and cancel have a few of their own.
+    pub max_connections: usize,
+    /// Requests that are answered at a time; health, metrics and cancel are not counted.
+    pub max_in_flight: usize,
     /// How long a request may take to be answered, not counting the body of the answer.
     pub handler_timeout: Duration,
+    /// How long a client may wait for a job to change (`Prefer: wait`).
+    pub max_wait: Duration,
     /// Maximum number of waiting jobs.
     pub max_queued: i64,
     /// Number of scenes checked at a time; each may need as much memory as its particles do.
     pub max_validations: usize,
     /// How long a scene may wait to be checked.
     pub validation_wait: Duration,
+    /// Free disk space below which no job is accepted (bytes).
+    pub min_free_bytes: u64,
+    /// Origins whose pages may use the whole API, such as `https://app.example`.
+    pub cors_origins: Vec<HeaderValue>,
+    /// Names of the server, besides its addresses and `localhost`, in requests that change state.
+    pub allowed_hosts: Vec<String>,
+    /// Work of judging one scene ([`Limits::max_work`]); the default is about a quarter of a second
+    /// of two cores.
+    pub max_work: u64,
     pub limits: Limits,
 }
 
@@ -35,11 +63,21 @@ impl Default for Config {
         Self {
             max_body_bytes: 8 << 20,
             max_asset_bytes: 64 << 20,
+            max_bodies_bytes: 512 << 20,
+            header_timeout: Duration::from_secs(15),
             body_timeout: Duration::from_secs(30),
+            write_timeout: Duration::from_secs(60),
+            max_connections: 1024,
+            max_in_flight: 512,
             handler_timeout: Duration::from_secs(120),
+            max_wait: Duration::from_secs(60),
             max_queued: 1000,
             max_validations: 2,
             validation_wait: Duration::from_secs(10),
+            min_free_bytes: 256 << 20,
+            cors_origins: Vec::new(),
+            allowed_hosts: Vec::new(),
+            max_work: 40_000_000,
             limits: Limits::default(),
         }
     }
@@ -53,14 +91,21 @@ pub struct Api {
     pub(super) worker: Arc<jobs::Shared>,
     pub(super) config: Arc<Config>,
     pub(super) validations: Arc<Semaphore>,
+    pub(super) in_flight: Arc<Semaphore>,
+    /// Room for bodies, in [`BODY_UNIT`]s.
+    pub(super) bodies: Arc<Semaphore>,
     pub(super) metrics: Arc<Metrics>,
+    pub(super) watches: Arc<Watches>,
 }
 
 impl Api {
     pub fn new(store: JobStore, data: Arc<DataDir>, worker: Arc<jobs::Shared>, config: Config) -> Self {
         Self {
             metrics: Arc::new(Metrics::new(&worker.counters)),
+            watches: Arc::default(),
             validations: Arc::new(Semaphore::new(config.max_validations)),
+            in_flight: Arc::new(Semaphore::new(config.max_in_flight)),
+            bodies: Arc::new(Semaphore::new(config.max_bodies_bytes / BODY_UNIT)),
             config: Arc::new(config),
             store,
             data,

@@ -1,4 +1,4 @@
-//! Tests that each limit on clients takes effect, on the real router.
+//! Tests that each limit on clients takes effect, on the real router and on real connections.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -7,10 +7,12 @@ use axum::Router;
 use axum::body::{Body, to_bytes};
 use axum::http::{Request, header};
 use serde_json::{Value, json};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
 use tokio_util::io::ReaderStream;
 use tower::ServiceExt;
 
-use super::{Api, Config, router};
+use super::{Api, Config, connections, router};
 use crate::jobs;
 use crate::store::{DataDir, JobStore};
 
@@ -120,4 +122,101 @@ async fn get_json(app: Router, path: &str) -> (u16, Value) {
     let status = response.status().as_u16();
     let bytes = to_bytes(response.into_body(), 1 << 20).await.unwrap();
     (status, serde_json::from_slice(&bytes).unwrap())
+}
+
+#[tokio::test]
+async fn a_full_disk_is_said_before_jobs_meet_it() {
+    let (_dir, api) = api(Config { min_free_bytes: u64::MAX, ..Config::default() }).await;
+    let app = router(api);
+    let (status, retry_after, body) = post(&app, "/v1/jobs", request()).await;
+    assert_eq!((status, &body["code"]), (507, &json!("disk_low")));
+    assert!(retry_after.is_some() && body["detail"].as_str().unwrap().contains("--min-free-bytes"), "{body:#}");
+    let (status, body) = get_json(app, "/readyz").await;
+    assert_eq!(status, 503);
+    assert!(body["detail"].as_str().unwrap().contains("disk: "), "{body:#}");
+}
+
+#[tokio::test]
+async fn load_is_shed_and_what_helps_out_of_it_passes() {
+    let (_dir, api) = api(Config { max_in_flight: 1, ..Config::default() }).await;
+    let held = api.in_flight.clone().acquire_owned().await.unwrap();
+    let app = router(api);
+    let (status, retry_after, body) = post(&app, "/v1/jobs", request()).await;
+    assert_eq!((status, &body["code"]), (503, &json!("overloaded")));
+    assert!(retry_after.is_some());
+    assert_eq!(get_json(app.clone(), "/livez").await.0, 200);
+    assert_eq!(get_json(app.clone(), "/readyz").await.1["code"], "not_ready");
+    let cancel = "/v1/jobs/01890000-0000-7000-8000-000000000000/cancel";
+    assert_eq!(post(&app, cancel, Body::empty()).await.2["code"], "job_not_found");
+    drop(held);
+    assert_eq!(get_json(app, "/v1/jobs").await.0, 200);
+}
+
+#[tokio::test]
+async fn bodies_share_bounded_memory() {
+    let (_dir, api) = api(Config { max_bodies_bytes: 64 << 10, ..Config::default() }).await;
+    let app = router(api.clone());
+    let long = || Body::from(format!("\"{}\"", "x".repeat(65 << 10)));
+    let (status, retry_after, body) = post(&app, "/v1/jobs", long()).await;
+    assert_eq!((status, &body["code"]), (503, &json!("overloaded")));
+    assert!(retry_after.is_some());
+    assert_eq!(post(&app, "/v1/jobs", request()).await.0, 202);
+    assert_eq!(api.bodies.available_permits(), 64, "a body gives its room back");
+}
+
+#[tokio::test]
+async fn a_small_body_that_grows_when_decoded_is_cut_off() {
+    let (_dir, api) = api(Config { max_body_bytes: 1 << 20, ..Config::default() }).await;
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
+    std::io::Write::write_all(&mut encoder, &vec![b' '; 16 << 20]).unwrap();
+    let small = encoder.finish().unwrap();
+    assert!(small.len() < 1 << 16);
+    let request = Request::post("/v1/jobs")
+        .header(header::CONTENT_TYPE, "application/json")
+        .header(header::CONTENT_ENCODING, "gzip")
+        .body(Body::from(small))
+        .unwrap();
+    assert_eq!(router(api).oneshot(request).await.unwrap().status(), 413);
+}
+
+/// The API with these limits on a real socket.
+async fn on_a_socket(config: Config) -> (tempfile::TempDir, std::net::SocketAddr) {
+    let (dir, api) = api(config).await;
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let config = api.config.clone();
+    tokio::spawn(async move { connections::serve(listener, router(api), &config, std::future::pending()).await });
+    (dir, address)
+}
+
+/// What comes back for these bytes until the server closes the connection.
+async fn talk(address: std::net::SocketAddr, sent: &str) -> String {
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    stream.write_all(sent.as_bytes()).await.unwrap();
+    let mut answer = String::new();
+    // A reset ends the conversation as well.
+    let _ = stream.read_to_string(&mut answer).await;
+    answer
+}
+
+#[tokio::test]
+async fn half_a_request_and_an_idle_connection_are_not_kept() {
+    let config = Config { header_timeout: Duration::from_millis(50), ..Config::default() };
+    let (_dir, address) = on_a_socket(config).await;
+    assert_eq!(talk(address, "GET /livez HTTP/1.1\r\nHost: x").await, "");
+    assert_eq!(talk(address, "").await, "");
+    let answer = talk(address, "GET /livez HTTP/1.1\r\nHost: x\r\n\r\n").await;
+    assert!(answer.starts_with("HTTP/1.1 200 "), "{answer}");
+}
+
+#[tokio::test]
+async fn connections_have_a_bound_and_health_has_its_own() {
+    let (_dir, address) = on_a_socket(Config { max_connections: 1, ..Config::default() }).await;
+    let mut first = TcpStream::connect(address).await.unwrap();
+    first.write_all(b"GET /livez HTTP/1.1\r\nHost: x\r\n\r\n").await.unwrap();
+    assert!(first.read(&mut [0; 64]).await.unwrap() > 0);
+    let get = |path: &str| format!("GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n");
+    let refused = talk(address, &get("/v1/jobs")).await;
+    assert!(refused.starts_with("HTTP/1.1 503 ") && refused.contains("retry-after: "), "{refused}");
+    assert!(talk(address, &get("/livez")).await.starts_with("HTTP/1.1 200 "));
 }

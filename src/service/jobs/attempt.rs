@@ -4,11 +4,13 @@ use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::time::Instant;
 
 use super::watch::{Follower, Watch, heartbeat};
 use super::worker::Context;
 use super::{EngineSource, log, resume};
 use crate::store::{AttemptFiles, Claim, Failure, JobFiles, Outcome};
+use gridfall_core::sim::notice::Notice;
 use gridfall_core::sim::setup::Problem;
 use gridfall_engine::{EngineError, StateError};
 use gridfall_recording::Appearance;
@@ -118,6 +120,7 @@ fn execute(
     loop {
         let earlier = earlier.next();
         // Anew for each: what a state that cannot be restored leaves is not to be used.
+        let loading = Instant::now();
         let Problem { setup, particles } = scene::problem_with(&scene, &context.limits(), &context.data.assets())?;
         let appearance = Appearance::new(&setup, &particles);
         let mut engine = source.engine(&setup, particles)?;
@@ -126,7 +129,7 @@ fn execute(
             tracing::warn!(job = %claim.id, %error, "cannot note the device");
         }
         let device = engine.backend().device.clone();
-        watch.loaded(setup.total_particles() as u64);
+        watch.loaded(setup.total_particles() as u64, u64::from(setup.frames));
         let subject = Subject { scene_json: &scene_json, setup: &setup, appearance: &appearance };
         let run = match &earlier {
             None => Run::start(subject, engine.as_ref(), &outputs)?,
@@ -143,9 +146,17 @@ fn execute(
         let from = earlier.map(|earlier| earlier.checkpoint.reached);
         let start = from.as_ref().map_or("from the start".into(), |from| format!("after frame {}", from.frame));
         log::note(files, &format!("attempt {} runs {start} on {device}", claim.attempt));
+        log::note(files, &format!("it is integrated {}ly: {}", setup.integrator.name(), setup.integrator_reason));
+        for Notice { pointer, reason, remedy, .. } in &setup.notices {
+            log::note(files, &format!("{pointer}: {reason}; {remedy}"));
+        }
         watch.reached(&setup, from.as_ref());
+        let (counters, running) = (&context.shared.counters, Instant::now());
+        counters.stage("load", running.duration_since(loading));
         let follower = Follower::new(context, claim, files, watch);
-        run.execute(engine.as_mut(), &follower)?;
+        let ran = run.execute(engine.as_mut(), &follower);
+        counters.stage("simulate", running.elapsed());
+        ran?;
         return Ok(());
     }
 }

@@ -3,6 +3,7 @@
 
 pub mod admission;
 mod attempt;
+mod counters;
 mod log;
 mod resume;
 mod watch;
@@ -11,19 +12,16 @@ mod worker;
 use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
-use prometheus_client::encoding::{EncodeLabelSet, EncodeLabelValue, LabelValueEncoder};
-use prometheus_client::metrics::counter::Counter;
-use prometheus_client::metrics::family::Family;
 use tokio::sync::Notify;
 
 pub use attempt::panic_message;
+pub use counters::{Counters, StatusLabel};
 pub use worker::{Settings, Worker};
 
-use crate::store::Status;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Setup;
 use gridfall_engine::choice::Devices;
-use gridfall_engine::{Engine, EngineError};
+use gridfall_engine::{Backend, Engine, EngineError};
 
 /// Where a worker gets its engines from. Created and used on the worker's own thread.
 pub trait EngineSource {
@@ -32,6 +30,11 @@ pub trait EngineSource {
 
     /// Which devices are open, and why, for people.
     fn describe(&self) -> String;
+
+    /// The devices that are open, the preferred one first.
+    fn devices(&self) -> Vec<Backend> {
+        Vec::new()
+    }
 }
 
 impl EngineSource for Devices {
@@ -44,6 +47,11 @@ impl EngineSource for Devices {
             Some(gpu) => format!("{}: {}", gpu.backend(self.reason()).device, self.reason()),
             None => format!("the CPU: {}", self.reason()),
         }
+    }
+
+    fn devices(&self) -> Vec<Backend> {
+        let gpu = self.gpu().map(|gpu| gpu.backend(self.reason()));
+        gpu.into_iter().chain([Backend::this_cpu(self.reason())]).collect()
     }
 }
 
@@ -72,6 +80,7 @@ pub struct Shared {
     /// When the worker was asked to stop.
     stop: OnceLock<Instant>,
     device: Mutex<DeviceState>,
+    devices: Mutex<Vec<Backend>>,
     pub counters: Counters,
 }
 
@@ -81,6 +90,7 @@ impl Default for Shared {
             wake: Notify::new(),
             stop: OnceLock::new(),
             device: Mutex::new(DeviceState::Opening),
+            devices: Mutex::default(),
             counters: Counters::default(),
         }
     }
@@ -103,6 +113,15 @@ impl Shared {
         self.device.lock().expect("no code panics while it holds this lock").clone()
     }
 
+    /// The devices that the worker has opened.
+    pub fn devices(&self) -> Vec<Backend> {
+        self.devices.lock().expect("no code panics while it holds this lock").clone()
+    }
+
+    fn set_devices(&self, devices: Vec<Backend>) {
+        *self.devices.lock().expect("no code panics while it holds this lock") = devices;
+    }
+
     fn stopping(&self) -> bool {
         self.stop.get().is_some()
     }
@@ -114,26 +133,5 @@ impl Shared {
 
     fn set_device(&self, state: DeviceState) {
         *self.device.lock().expect("no code panics while it holds this lock") = state;
-    }
-}
-
-/// Work done since the server started.
-#[derive(Clone, Debug, Default)]
-pub struct Counters {
-    /// Number of jobs by the terminal state that the worker brought them to.
-    pub finished: Family<StatusLabel, Counter>,
-    pub frames: Counter,
-    pub steps: Counter,
-    pub particle_steps: Counter,
-}
-
-#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
-pub struct StatusLabel {
-    pub status: Status,
-}
-
-impl EncodeLabelValue for Status {
-    fn encode(&self, encoder: &mut LabelValueEncoder) -> std::fmt::Result {
-        EncodeLabelValue::encode(&self.as_str(), encoder)
     }
 }

@@ -42,6 +42,9 @@ pub(super) struct Watch {
     pub ended: Notify,
     /// Number of particles, and when they were loaded.
     loaded: OnceLock<(u64, Instant)>,
+    /// Frames of the run, and tenths of them that were told of.
+    frames: AtomicU64,
+    tenths: AtomicU64,
     step: AtomicU64,
     /// Bits of an f64.
     sim_time_s: AtomicU64,
@@ -55,13 +58,16 @@ impl Watch {
             canceled: AtomicBool::new(false),
             ended: Notify::new(),
             loaded: OnceLock::new(),
+            frames: AtomicU64::new(0),
+            tenths: AtomicU64::new(0),
             step: AtomicU64::new(0),
             sim_time_s: AtomicU64::new(0),
             frames_written: AtomicU64::new(0),
         }
     }
 
-    pub fn loaded(&self, particles: u64) {
+    pub fn loaded(&self, particles: u64, frames: u64) {
+        self.frames.store(frames, Ordering::Relaxed);
         // The first time counts.
         let _ = self.loaded.set((particles, Instant::now()));
     }
@@ -148,6 +154,12 @@ impl Observer for Follower<'_> {
         self.watch.progress_to(report.steps, report.time_s);
         self.watch.frames_written.store(report.frame + 1, Ordering::Relaxed);
         self.context.shared.counters.frames.inc();
+        // Ten times in a run.
+        let frames = self.watch.frames.load(Ordering::Relaxed);
+        let tenths = 10 * report.frame / frames.max(1);
+        if self.watch.tenths.swap(tenths, Ordering::Relaxed) < tenths {
+            log::note(self.files, &format!("frame {} of {frames}, at {:.6} s", report.frame, report.time_s));
+        }
     }
 
     fn checkpoint_due(&self) -> bool {

@@ -3,7 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::runtime::Handle;
 use tokio::time::timeout;
@@ -151,6 +151,7 @@ impl Context {
         self.shared.set_device(DeviceState::Opening);
         let reason = match catch_unwind(AssertUnwindSafe(open)) {
             Ok(Ok(source)) => {
+                self.shared.set_devices(source.devices());
                 self.shared.set_device(DeviceState::Ready(source.describe()));
                 return Some(source);
             }
@@ -165,7 +166,10 @@ impl Context {
 
     /// Runs a claimed job and records how it ended.
     fn run(&self, claim: &Claim, source: &dyn EngineSource) -> Afterwards {
-        tracing::info!(job = %claim.id, attempt = claim.attempt, "started");
+        let _span = tracing::info_span!("attempt", job = %claim.id, attempt = claim.attempt).entered();
+        tracing::info!("started");
+        let started = Instant::now();
+        self.count_wait(claim);
         let files = self.data.job(claim.id);
         let ending = attempt::run(self, claim, &files, source);
         if matches!(&ending, Ending::Finished { .. }) {
@@ -173,7 +177,11 @@ impl Context {
         }
         log::note(&files, &format!("attempt {}: {}", claim.attempt, ending.describe()));
         let status = self.note(claim, &ending);
-        tracing::info!(job = %claim.id, attempt = claim.attempt, ?ending, "ended");
+        tracing::info!(?ending, "ended");
+        match status {
+            Some(status) => self.shared.counters.attempted(status, started.elapsed()),
+            None => drop(self.shared.counters.leases_lost.inc()),
+        }
         if let Some(status) = status.filter(|status| status.is_terminal()) {
             self.shared.counters.finished.get_or_create(&StatusLabel { status }).inc();
             self.tidy(claim);
@@ -181,6 +189,16 @@ impl Context {
         match ending {
             Ending::Lost(_) | Ending::Finished { devices_suspect: true, .. } => Afterwards::ReopenDevices,
             _ => Afterwards::GoOn,
+        }
+    }
+
+    /// How long a job that runs for the first time has waited.
+    fn count_wait(&self, claim: &Claim) {
+        if claim.attempt == 1
+            && let Ok(Some(job)) = self.runtime.block_on(self.store.get(claim.id))
+            && let Ok(wait) = Duration::try_from(jiff::Timestamp::now().duration_since(job.created_at))
+        {
+            self.shared.counters.waited(wait);
         }
     }
 

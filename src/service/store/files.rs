@@ -8,13 +8,14 @@ use std::path::{Path, PathBuf};
 
 use uuid::Uuid;
 
-use super::{AssetFiles, StoreError};
+use super::{AssetFiles, SceneFiles, StoreError};
 
 /// A data directory, owned by this process for as long as the value lives.
 #[derive(Debug)]
 pub struct DataDir {
     root: PathBuf,
     assets: AssetFiles,
+    scenes: SceneFiles,
     _lock: File,
 }
 
@@ -27,7 +28,8 @@ impl DataDir {
         match lock.try_lock() {
             Ok(()) => {
                 let assets = AssetFiles::open(root.join("assets")).map_err(at)?;
-                Ok(Self { root: root.to_owned(), assets, _lock: lock })
+                let scenes = SceneFiles::open(root.join("scenes")).map_err(at)?;
+                Ok(Self { root: root.to_owned(), assets, scenes, _lock: lock })
             }
             Err(TryLockError::WouldBlock) => Err(StoreError::Locked { path: root.to_owned() }),
             Err(TryLockError::Error(error)) => Err(at(error)),
@@ -57,8 +59,17 @@ impl DataDir {
         read().map_err(|error| StoreError::Io { path: path.clone(), error })
     }
 
+    /// Space for more on the file system (bytes).
+    pub fn free_bytes(&self) -> io::Result<u64> {
+        fs4::available_space(&self.root)
+    }
+
     pub fn assets(&self) -> AssetFiles {
         self.assets.clone()
+    }
+
+    pub fn scenes(&self) -> SceneFiles {
+        self.scenes.clone()
     }
 
     pub fn job(&self, id: Uuid) -> JobFiles {

@@ -12,6 +12,7 @@ mod files;
 mod job;
 mod requests;
 mod row;
+mod scenes;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -21,6 +22,7 @@ use uuid::Uuid;
 pub use assets::{Asset, AssetFiles};
 pub use files::{AttemptFiles, DataDir, JobFiles};
 pub use job::{Failure, Job, NewJob, Progress, Status};
+pub use scenes::SceneFiles;
 
 use clock::Clock;
 use database::Database;

@@ -89,3 +89,24 @@ fn scenes_may_name_what_was_uploaded_and_nothing_else() {
         }
     }
 }
+
+#[test]
+fn a_scene_is_kept_by_its_content_and_runs_by_its_id() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let first = server.post_json("/v1/scenes", &json!({ "scene": support::short() }));
+    assert_eq!((first.status, &first.json()["particles"]), (201, &json!(64)));
+    let (path, id) = (first.header("location").to_owned(), first.json()["id"].clone());
+    assert_eq!(path, format!("/v1/scenes/{}", id.as_str().unwrap()));
+    let again = server.post_json("/v1/scenes", &json!({ "scene": support::short() }));
+    assert_eq!((again.status, again.json()), (200, first.json()));
+    assert_eq!(server.get("/v1/scenes").json(), json!({ "ids": [id] }));
+    let kept = server.get(&path);
+    assert_eq!(kept.json(), support::short());
+    assert_eq!(server.call("GET", &path, &[("if-none-match", kept.header("etag"))], "").status, 304);
+    let body = json!({ "scene_id": id, "overrides": { "time.end": 0.02 } });
+    let submitted = server.post_json("/v1/jobs", &body);
+    assert_eq!((submitted.status, &submitted.json()["progress"]["frames"]), (202, &json!(3)));
+    server.wait_for(submitted.header("location"), "succeeded");
+    assert_eq!(server.post_json("/v1/scenes:validate", &body).status, 200);
+}

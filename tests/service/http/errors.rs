@@ -12,7 +12,7 @@ fn template(path: &str) -> String {
     if parts.len() > 3 && parts[1] == "v1" && parts[2] == "jobs" {
         parts[3] = "{id}";
     }
-    if parts.len() > 3 && parts[2] == "assets" {
+    if parts.len() > 3 && ["assets", "scenes"].contains(&parts[2]) {
         parts[3] = "{id}";
     }
     parts.join("/")
@@ -65,6 +65,13 @@ fn every_error_is_a_documented_problem() {
         ("POST", "/v1/jobs", &[], &valid, 415, "unsupported_media_type"),
         ("POST", "/v1/jobs", &[("content-type", "text/plain")], &valid, 415, "unsupported_media_type"),
         ("POST", "/v1/scenes:validate", &[], "{}", 415, "unsupported_media_type"),
+        ("POST", "/v1/jobs", &[JSON, ("content-encoding", "br")], &valid, 415, "unsupported_encoding"),
+        ("POST", "/v1/jobs", &[JSON, ("content-encoding", "gzip")], &valid, 400, "invalid_body"),
+        ("POST", "/v1/jobs", &[JSON, ("origin", "https://evil.example")], &valid, 403, "foreign_origin"),
+        ("PUT", "/v1/assets", &[("origin", "null")], "x", 403, "foreign_origin"),
+        ("POST", &format!("{nobody}/cancel"), &[("host", "rebound.example")], "", 403, "unknown_host"),
+        ("POST", &format!("{nobody}/cancel"), &[("if-match", "*")], "", 404, "job_not_found"),
+        ("GET", &format!("{nobody}/recording-so-far.mcap"), &[], "", 404, "job_not_found"),
         ("POST", "/v1/jobs", &[JSON], "{", 400, "invalid_json"),
         ("POST", "/v1/jobs", &[JSON], "", 400, "invalid_json"),
         ("POST", "/v1/scenes:validate", &[JSON], "{\"scene\": {},}", 400, "invalid_json"),
@@ -92,6 +99,11 @@ fn every_error_is_a_documented_problem() {
         ("PUT", "/v1/assets", &[], &huge, 413, "body_too_large"),
         ("DELETE", "/v1/assets", &[], "", 405, "method_not_allowed"),
         ("GET", "/v1/assets/7", &[], "", 400, "invalid_path"),
+        ("GET", "/v1/scenes/7", &[], "", 400, "invalid_path"),
+        ("GET", &no_asset.replace("assets", "scenes"), &[], "", 404, "scene_not_found"),
+        ("POST", "/v1/scenes", &[JSON], "{\"scene\": {}}", 422, "invalid_scene"),
+        ("POST", "/v1/jobs", &[JSON], "{\"scene_id\": \"7\"}", 422, "invalid_request"),
+        ("POST", "/v1/jobs", &[JSON], "{\"scene\": {}, \"scene_id\": \"7\"}", 422, "invalid_request"),
         ("GET", &no_asset, &[], "", 404, "asset_not_found"),
         ("GET", "/v1/jobs/%FF", &[], "", 400, "invalid_path"),
         ("DELETE", "/v1/jobs/7", &[], "", 400, "invalid_path"),
@@ -117,11 +129,13 @@ fn every_error_is_a_documented_problem() {
     let (running, waiting) = (server.submit(support::endless()), server.submit(support::short()));
     server.wait_for(&running, "running");
     for job in [&running, &waiting] {
+        let stale = server.call("DELETE", job, &[("if-match", "\"another\"")], "");
+        assert_problem(&document, ("DELETE", job), &stale, 412, "precondition_failed");
         assert_problem(&document, ("DELETE", job), &server.call("DELETE", job, &[], ""), 409, "job_not_finished");
     }
     let path = format!("{running}/thumbnail.png");
     assert_problem(&document, ("GET", &path), &server.get(&path), 404, "output_not_found");
-    for output in ["recording.mcap", "thumbnail.png", "diagnostics"] {
+    for output in ["recording.mcap", "recording-so-far.mcap", "thumbnail.png", "diagnostics"] {
         let path = format!("{waiting}/{output}");
         assert_problem(&document, ("GET", &path), &server.get(&path), 404, "output_not_found");
     }

@@ -235,7 +235,7 @@ fn metrics_count_jobs_without_naming_them() {
     // The worker counts a job just after its end can be seen.
     let ended = "gridfall_jobs_ended_total{status=\"succeeded\"} 1";
     let read = || {
-        let answer = server.get("/metrics");
+        let answer = server.call("GET", "/metrics", &[("accept", "application/openmetrics-text;version=1.0.0")], "");
         assert!(answer.header("content-type").starts_with("application/openmetrics-text"));
         String::from_utf8(answer.body).unwrap()
     };
@@ -258,6 +258,16 @@ fn metrics_count_jobs_without_naming_them() {
         "# EOF",
     ] {
         assert!(lines.contains(line), "{line:?} is not in\n{text}");
+    }
+    for series in [
+        "gridfall_queue_wait_seconds_count 1",
+        "gridfall_attempt_duration_seconds_count{status=\"succeeded\"} 1",
+        "gridfall_leases_lost_total 0",
+        "gridfall_stage_seconds_total{stage=\"validate\"}",
+        "gridfall_stage_seconds_total{stage=\"load\"}",
+        "gridfall_stage_seconds_total{stage=\"simulate\"}",
+    ] {
+        assert!(text.contains(series), "{series:?} is not in\n{text}");
     }
     assert!(!text.contains(job.rsplit('/').next().unwrap()), "a label has a job's id");
 }

@@ -3,6 +3,8 @@
 mod assets;
 mod errors;
 mod lifecycle;
+mod manners;
 mod openapi;
 mod outputs;
 mod support;
+mod watching;

@@ -71,7 +71,7 @@ fn viewers_in_browsers_may_read_recordings_and_nothing_else() {
         for name in ["accept-ranges", "content-length", "content-range", "etag"] {
             assert!(exposed.contains(name), "{name} is not exposed: {exposed}");
         }
-        let answer = server.call("PUT", &path, &[origin], "x");
+        let answer = server.call("PUT", &path, &[], "x");
         assert_eq!((answer.status, &answer.json()["code"]), (405, &json!("method_not_allowed")));
         assert!(answer.header("allow").contains("GET"), "{}", answer.header("allow"));
     }
@@ -91,7 +91,7 @@ fn a_running_job_gives_a_valid_recording_and_diagnostics_so_far() {
     let mut last = 0;
     for _ in 0..5 {
         server.wait_for_frames(&job, last + 1);
-        let snapshot = server.get(&format!("{job}/recording.mcap"));
+        let snapshot = server.get(&format!("{job}/recording-so-far.mcap"));
         assert_eq!((snapshot.status, snapshot.header("accept-ranges")), (200, "none"));
         let frames = frames_of(&snapshot.body);
         assert!(frames > last, "{frames} frames, and {last} were there before");
@@ -101,6 +101,12 @@ fn a_running_job_gives_a_valid_recording_and_diagnostics_so_far() {
         assert!(times.len() as u64 >= frames && times.is_sorted());
         last = frames;
     }
+    // Neither is ever continued by another file.
+    let part = |name| server.call("GET", &format!("{job}/{name}"), &[("range", "bytes=9-")], "");
+    assert_eq!(part("recording-so-far.mcap").json()["code"], "range_not_satisfiable");
+    let early = part("recording.mcap");
+    assert_eq!((early.status, &early.json()["code"]), (409, &json!("job_not_finished")));
+    assert!(early.json()["detail"].as_str().unwrap().contains("/recording-so-far.mcap"));
     let rows = server.get(&format!("{job}/diagnostics")).json()["rows"].as_array().unwrap().clone();
     assert!(rows.len() as u64 >= last);
     assert!(rows.iter().enumerate().all(|(n, row)| row["frame"] == n));

@@ -42,17 +42,23 @@ impl Server {
     }
 
     /// The same with more arguments.
-    pub fn start_with(data_dir: &Path, arguments: &[&str]) -> Self {
-        Self::launch(Command::new(env!("CARGO_BIN_EXE_gridfall")), data_dir, arguments)
+    pub fn start_with(data_dir: &Path, more: &[&str]) -> Self {
+        Self::start_logging(data_dir, more, Stdio::inherit())
+    }
+
+    /// The same with its log to another place than that of the tests.
+    pub fn start_logging(data_dir: &Path, more: &[&str], log: Stdio) -> Self {
+        Self::launch(Command::new(env!("CARGO_BIN_EXE_gridfall")), data_dir, more, log)
     }
 
     /// The same with a command of the caller's, which gets the arguments.
-    pub fn launch(mut command: Command, data_dir: &Path, arguments: &[&str]) -> Self {
+    pub fn launch(mut command: Command, data_dir: &Path, more: &[&str], log: Stdio) -> Self {
         let mut child = command
             .args(["serve", "--listen", "127.0.0.1:0", "--backend", "cpu", "--data-dir"])
             .arg(data_dir)
-            .args(arguments)
+            .args(more)
             .stdout(Stdio::piped())
+            .stderr(log)
             .spawn()
             .unwrap();
         let mut line = String::new();

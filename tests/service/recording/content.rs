@@ -1,6 +1,6 @@
 //! A recording contains what was simulated.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use gridfall_core::sim::setup::Integrator;
 use gridfall_engine::{Control, Engine};
@@ -42,10 +42,15 @@ fn a_recording_holds_what_was_simulated() {
         assert!(numbers(&points["alpha"]).iter().all(|&alpha| alpha == 255.0));
     }
 
-    // All stamps are simulated time.
+    // All stamps are simulated time, and each channel counts its messages.
+    let mut counts = BTreeMap::new();
     for message in recording["messages"].as_array().unwrap() {
-        let time = message["log_time"].as_u64().unwrap();
-        assert_eq!(time, message["sequence"].as_u64().unwrap() * 50_000_000);
+        let (time, topic) = (message["log_time"].as_u64().unwrap(), message["topic"].as_str().unwrap());
+        let sequence = counts.entry(topic).or_insert(0);
+        assert_eq!(message["sequence"], *sequence, "{topic}");
+        assert_eq!(time % 50_000_000, 0);
+        assert!(topic != "/particles" || time == *sequence * 50_000_000);
+        *sequence += 1;
         assert_eq!(message["publish_time"], time);
         assert_eq!(message["stamp"], time);
     }

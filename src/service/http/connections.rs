@@ -1,0 +1,113 @@
+//! Accepts connections and bounds what each may cost: their number, and how long one may take to
+//! send the head of a request or to take in an answer.
+
+use std::io;
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use axum::body::Body;
+use axum::http::Request;
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::server::graceful::GracefulShutdown;
+use hyper_util::service::TowerToHyperService;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio_io_timeout::TimeoutStream;
+use tower::ServiceExt;
+
+use super::load::Crowded;
+use super::state::Config;
+
+/// Connections beyond the usual number, for requests that always pass.
+const SPARE_CONNECTIONS: usize = 64;
+/// Longest head of a request (bytes).
+const MAX_HEAD_BYTES: usize = 64 << 10;
+/// How long to wait before a retry when the system has no room for one more connection.
+const RETRY: Duration = Duration::from_millis(100);
+
+/// Serves until `stop` resolves; then takes no more connections and waits for the requests in
+/// flight.
+pub async fn serve(listener: TcpListener, app: Router, config: &Config, stop: impl Future<Output = ()>) {
+    let connections = Connections {
+        app,
+        usual: Arc::new(Semaphore::new(config.max_connections)),
+        spare: Arc::new(Semaphore::new(SPARE_CONNECTIONS)),
+        header_timeout: config.header_timeout,
+        write_timeout: config.write_timeout,
+        graceful: GracefulShutdown::new(),
+    };
+    let mut stop = std::pin::pin!(stop);
+    loop {
+        let accepted = tokio::select! {
+            accepted = listener.accept() => accepted,
+            () = &mut stop => break,
+        };
+        match accepted {
+            Ok((stream, _)) => connections.take(stream),
+            Err(error) if is_of_one_connection(&error) => {}
+            Err(error) => {
+                tracing::error!(%error, "cannot accept connections");
+                tokio::time::sleep(RETRY).await;
+            }
+        }
+    }
+    drop(listener);
+    connections.graceful.shutdown().await;
+}
+
+struct Connections {
+    app: Router,
+    usual: Arc<Semaphore>,
+    spare: Arc<Semaphore>,
+    header_timeout: Duration,
+    write_timeout: Duration,
+    graceful: GracefulShutdown,
+}
+
+impl Connections {
+    /// Serves a connection, or closes it if there are too many.
+    fn take(&self, stream: TcpStream) {
+        let Some((permit, crowded)) = self.permit() else { return };
+        // Heads and bodies of short answers are written separately; without this the second waits
+        // for the client's acknowledgement of the first.
+        if let Err(error) = stream.set_nodelay(true) {
+            tracing::debug!(%error, "cannot set TCP_NODELAY");
+        }
+        let mut stream = TimeoutStream::new(stream);
+        stream.set_write_timeout(Some(self.write_timeout));
+        let app = self.app.clone().map_request(move |request: Request<hyper::body::Incoming>| {
+            let mut request = request.map(Body::new);
+            if crowded {
+                request.extensions_mut().insert(Crowded);
+            }
+            request
+        });
+        let mut http = http1::Builder::new();
+        // The timer of the head also runs between requests.
+        http.timer(TokioTimer::new()).header_read_timeout(self.header_timeout).max_buf_size(MAX_HEAD_BYTES);
+        let connection = http.serve_connection(TokioIo::new(Box::pin(stream)), TowerToHyperService::new(app));
+        let connection = self.graceful.watch(connection);
+        tokio::spawn(async move {
+            if let Err(error) = connection.await {
+                tracing::debug!(%error, "a connection broke");
+            }
+            drop(permit);
+        });
+    }
+
+    /// Room for one more, and whether it is of the spare kind.
+    fn permit(&self) -> Option<(OwnedSemaphorePermit, bool)> {
+        match self.usual.clone().try_acquire_owned() {
+            Ok(permit) => Some((permit, false)),
+            Err(_) => Some((self.spare.clone().try_acquire_owned().ok()?, true)),
+        }
+    }
+}
+
+/// The client has gone already; the next one may be fine.
+fn is_of_one_connection(error: &io::Error) -> bool {
+    use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
+    matches!(error.kind(), ConnectionAborted | ConnectionRefused | ConnectionReset)
+}
