@@ -19,6 +19,7 @@ use super::serve::{opener, runtime};
 use super::{CliError, interrupt};
 use gridfall_service::http::{self, Config, Options};
 use gridfall_service::jobs::Settings;
+use gridfall_service::jobs::retention::Keep;
 
 /// Embedded in the program, so that the demo works from any directory.
 const SCENE: &str = include_str!("../../scenes/quickstart.json");
@@ -122,6 +123,7 @@ impl Server {
             data_dir: data_dir.clone(),
             database: None,
             insecure_no_auth: false,
+            keep: Keep::default(),
             config: Config::default(),
             checkpoint_every: Settings::default().checkpoint_every,
             devices: opener(device),

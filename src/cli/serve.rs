@@ -12,6 +12,7 @@ use super::device::DeviceArguments;
 use super::{CliError, interrupt};
 use gridfall_engine::choice::Devices;
 use gridfall_service::http::{self, Config, Options};
+use gridfall_service::jobs::retention::Keep;
 use gridfall_service::jobs::{EngineSource, OpenDevices};
 
 /// Run the server. It ends gracefully on SIGINT and SIGTERM: the running job goes back into the
@@ -83,6 +84,12 @@ pub struct Arguments {
         env = "GRIDFALL_LOG"
     )]
     log: String,
+    /// Remove jobs and their files this many days after their end. Without, they are kept for ever.
+    #[arg(long, value_name = "N", env = "GRIDFALL_KEEP_DAYS", value_parser = clap::value_parser!(u32).range(1..))]
+    keep_days: Option<u32>,
+    /// Remove the oldest ended jobs while the files of all jobs take more bytes than this.
+    #[arg(long, value_name = "N", env = "GRIDFALL_KEEP_BYTES")]
+    keep_bytes: Option<u64>,
     #[command(flatten)]
     device: DeviceArguments,
 }
@@ -98,6 +105,10 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         data_dir: arguments.data_dir,
         database: arguments.database,
         insecure_no_auth: arguments.insecure_no_auth,
+        keep: Keep {
+            time: arguments.keep_days.map(|days| Duration::from_secs(u64::from(days) * 86_400)),
+            bytes: arguments.keep_bytes,
+        },
         config: Config {
             max_queued: arguments.max_queued,
             cors_origins: arguments.cors_origin.iter().filter_map(|origin| origin.parse().ok()).collect(),

@@ -139,9 +139,7 @@ impl Bench {
             end_time_s: 0.3,
             integrator: "explicit".into(),
             integrator_reason: "it is a test".into(),
-            notices: Vec::new(),
-            idempotency_key: None,
-            request_sha256: String::new(),
+            ..NewJob::default()
         };
         let Submission::Accepted(job) = self.store.submit(&new, 10).await.unwrap() else { panic!("not accepted") };
         self.worker.shared().wake();
@@ -252,9 +250,7 @@ async fn a_scene_that_this_version_does_not_accept_fails_with_its_faults() {
         end_time_s: 0.3,
         integrator: "explicit".into(),
         integrator_reason: "it is a test".into(),
-        notices: Vec::new(),
-        idempotency_key: None,
-        request_sha256: String::new(),
+        ..NewJob::default()
     };
     let Submission::Accepted(job) = bench.store.submit(&new, 10).await.unwrap() else { panic!("not accepted") };
     bench.worker.shared().wake();

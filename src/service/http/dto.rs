@@ -15,7 +15,7 @@ use gridfall_engine as engine;
 use gridfall_scene as scene;
 
 /// A request to run a scene.
-#[derive(Debug, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Default, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SubmitJob {
     /// The scene document; its JSON Schema is at `/v1/schema/scene`.
@@ -32,6 +32,46 @@ pub struct SubmitJob {
     #[serde(default)]
     #[schema(example = json!({"solver.kernel": "quadratic"}))]
     pub overrides: BTreeMap<String, serde_json::Value>,
+    /// Words to find the job by: at most 16, of 1 to 64 characters, without commas.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schema(max_items = 16)]
+    pub tags: Vec<String>,
+    /// Jobs of a higher priority run first; 0 by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = -1000, maximum = 1000)]
+    pub priority: Option<i64>,
+    /// When the job must have been started; otherwise it fails with the code `deadline`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deadline: Option<Timestamp>,
+    /// Largest estimated wall time (s) that is accepted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_cost: Option<f64>,
+    /// Take the result of a finished job, if one has run the same scene (seed included) in the same build on a
+    /// device that this server would take now: the answer is then 200 and that job.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub reuse: bool,
+}
+
+/// A request to run the scene of a job again.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RerunJob {
+    /// Name of the new job; the old one's by default.
+    #[schema(max_length = 200)]
+    pub name: Option<String>,
+    /// Values that replace those of the scene, by path.
+    #[serde(default)]
+    pub overrides: BTreeMap<String, serde_json::Value>,
+    /// The old job's by default.
+    #[schema(max_items = 16)]
+    pub tags: Option<Vec<String>>,
+    /// The old job's by default.
+    #[schema(minimum = -1000, maximum = 1000)]
+    pub priority: Option<i64>,
+    /// When the job must have been started; otherwise it fails with the code `deadline`.
+    pub deadline: Option<Timestamp>,
+    /// Largest estimated wall time (s) that is accepted.
+    pub max_cost: Option<f64>,
 }
 
 /// A job.
@@ -55,6 +95,20 @@ pub struct Job {
     pub queue_position: Option<i64>,
     pub particles: u64,
     pub progress: Progress,
+    pub tags: Vec<String>,
+    /// Jobs of a higher priority run first.
+    pub priority: i64,
+    /// When the job must have been started.
+    #[schema(required)]
+    pub deadline: Option<Timestamp>,
+    /// Estimated wall time on two cores of a server (s); null for jobs of old releases.
+    #[schema(required)]
+    pub estimate_s: Option<f64>,
+    /// Wall time of the run so far (s), without the time to load the scene.
+    pub run_s: f64,
+    /// The sweep that the job is of.
+    #[schema(required)]
+    pub sweep: Option<Uuid>,
     /// How the job is integrated: `explicit` or `implicit`.
     pub integrator: String,
     /// Why, in a sentence.
@@ -179,21 +233,6 @@ pub struct KeptScene {
 #[derive(Debug, Serialize, ToSchema)]
 pub struct SceneList {
     pub ids: Vec<String>,
-}
-
-/// Which jobs to list.
-#[derive(Debug, Deserialize, IntoParams)]
-#[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
-pub struct ListJobs {
-    /// Only jobs in this status.
-    #[param(inline)]
-    pub status: Option<Status>,
-    /// Jobs a page; 50 by default.
-    #[param(minimum = 1, maximum = 200)]
-    pub limit: Option<i64>,
-    /// `next_cursor` of the page before.
-    pub cursor: Option<String>,
 }
 
 /// A page of jobs, newest first.
@@ -458,6 +497,12 @@ impl From<store::Job> for Job {
             queue_position: job.queue_position,
             particles: job.particles,
             progress,
+            tags: job.tags,
+            priority: job.priority,
+            deadline: job.deadline,
+            estimate_s: job.estimate_s,
+            run_s: job.progress.run_s,
+            sweep: job.sweep,
             integrator: job.integrator,
             integrator_reason: job.integrator_reason,
             notices: job.notices.into_iter().map(Notice::from).collect(),

@@ -24,6 +24,7 @@ const DISCARDED_BYTES: usize = 64 << 20;
 const LONG_JSON: usize = 64 << 10;
 
 /// Room for a body, given back when this is dropped.
+#[derive(Default)]
 pub struct Room(Option<OwnedSemaphorePermit>);
 
 /// A JSON body, and the room that it takes until it is judged.
@@ -151,7 +152,7 @@ fn reason(error: &(dyn Error + 'static)) -> String {
     innermost.to_string()
 }
 
-/// The `{id}` of a job in the path.
+/// The `{id}` of a job or sweep in the path.
 pub struct JobId(pub Uuid);
 
 impl FromRequestParts<Api> for JobId {
@@ -160,9 +161,10 @@ impl FromRequestParts<Api> for JobId {
     async fn from_request_parts(parts: &mut Parts, api: &Api) -> Result<Self, Problem> {
         match axum::extract::Path::<Uuid>::from_request_parts(parts, api).await {
             Ok(axum::extract::Path(id)) => Ok(Self(id)),
-            Err(PathRejection::FailedToDeserializePathParams(error)) => {
-                Err(Problem::new(Code::InvalidPath, format!("a job id is a UUID: {}", error.body_text())))
-            }
+            Err(PathRejection::FailedToDeserializePathParams(error)) => Err(Problem::new(
+                Code::InvalidPath,
+                format!("the ids of jobs and sweeps are UUIDs: {}", error.body_text()),
+            )),
             Err(other) => Err(Problem::new(Code::InvalidPath, other.to_string())),
         }
     }

@@ -1,25 +1,23 @@
-//! Jobs: submit, list, read, cancel, delete.
+//! Jobs: submit, run again, list, read, cancel, delete.
 
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use sha2::{Digest, Sha256};
 use tokio::time::{Duration, Instant, timeout_at};
 use uuid::Uuid;
 
 use super::conditional::Version;
-use super::dto::{self, JobList, ListJobs, SubmitJob};
+use super::dto::{self, JobList, RerunJob, SubmitJob};
 use super::extract::{JobId, JsonBody, Query};
+use super::filters::ListJobs;
 use super::health::require_space;
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
-use super::scenes::judge;
 use super::state::Api;
-use crate::store::{Deletion, NewJob, Status, Submission};
-use gridfall_scene::hidden;
+use super::submission::{accept, answer, finished, idempotency_key, prepare, sha256_hex};
+use crate::store::{Deletion, Status};
 
-const MAX_NAME_CHARS: usize = 200;
 const IDEMPOTENCY_KEY: &str = "idempotency-key";
 
 /// Submits a scene. It is judged before it is accepted: all its faults come back at once.
@@ -29,12 +27,15 @@ const IDEMPOTENCY_KEY: &str = "idempotency-key";
             A request repeated under the same key is accepted once.")),
     request_body = SubmitJob,
     responses(
+        (status = 200, body = dto::Job, description = "A finished job that has the result already (`reuse`)",
+            headers(("Location" = String, description = "Path of the job"))),
         (status = 202, body = dto::Job, description = "Accepted, or accepted before under the same idempotency key",
             headers(("Location" = String, description = "Path of the job"))),
         (status = 400, body = dto::Problem, content_type = PROBLEM,
             description = "`invalid_json`, `invalid_body`, `invalid_header`"),
         (status = 422, body = dto::Problem, content_type = PROBLEM,
-            description = "`invalid_scene` with all its `faults`, `invalid_request`, `idempotency_key_reused`"),
+            description = "`invalid_scene` with all its `faults`, `invalid_request`, `cost_exceeded`, \
+                `idempotency_key_reused`"),
         (status = 507, body = dto::Problem, content_type = PROBLEM, description = "`disk_low`"),
         (status = 429, body = dto::Problem, content_type = PROBLEM, description = "`queue_full`",
             headers(("Retry-After" = u32, description = "Seconds"))),
@@ -46,56 +47,46 @@ pub async fn submit(
 ) -> Result<Response, Problem> {
     require_space(&api)?;
     let idempotency_key = headers.get(IDEMPOTENCY_KEY).map(idempotency_key).transpose()?;
-    let request_sha256 = sha256_hex(&serde_json::to_vec(&request).map_err(internal)?);
-    let name = request.name.clone().map(valid_name).transpose()?;
-    let new = judge(&api, request, room, move |admitted| NewJob {
-        name: name.unwrap_or(admitted.scene.name),
-        scene: admitted.document,
-        particles: admitted.problem.setup.total_particles() as u64,
-        frames: u64::from(admitted.problem.setup.frames) + 1,
-        end_time_s: f64::from(admitted.problem.setup.frames) * admitted.problem.setup.frame_s,
-        integrator: admitted.problem.setup.integrator.name().into(),
-        integrator_reason: admitted.problem.setup.integrator_reason,
-        notices: admitted.problem.setup.notices,
-        idempotency_key,
-        request_sha256,
-    })
-    .await?;
-    let job = match api.store.submit(&new, api.config.max_queued).await? {
-        Submission::Accepted(job) | Submission::Repeated(job) => job,
-        Submission::KeyReused => {
-            return Err(Problem::new(
-                Code::IdempotencyKeyReused,
-                "a different request was accepted under this Idempotency-Key; take a new key",
-            ));
-        }
-        Submission::QueueFull => {
-            let detail = format!("{} jobs are waiting already; try again later", api.config.max_queued);
-            return Err(Problem::new(Code::QueueFull, detail).retry_after(30));
-        }
+    let reuse = request.reuse;
+    let new = prepare(&api, request, room, idempotency_key).await?;
+    if reuse && let Some(job) = finished(&api, &new).await? {
+        return Ok(answer(StatusCode::OK, job));
+    }
+    accept(&api, &new).await
+}
+
+/// Runs the scene of a job again, as a new job.
+#[utoipa::path(post, path = "/v1/jobs/{id}/rerun", tag = "jobs", params(("id" = Uuid, Path)), request_body = RerunJob,
+    responses(
+        (status = 202, body = dto::Job, headers(("Location" = String, description = "Path of the new job"))),
+        (status = 422, body = dto::Problem, content_type = PROBLEM,
+            description = "`invalid_scene` with all its `faults`, `invalid_request`, `cost_exceeded`"),
+        (status = 507, body = dto::Problem, content_type = PROBLEM, description = "`disk_low`"),
+        (status = 429, body = dto::Problem, content_type = PROBLEM, description = "`queue_full`",
+            headers(("Retry-After" = u32, description = "Seconds"))),
+    ))]
+pub async fn rerun(
+    State(api): State<Api>,
+    JobId(id): JobId,
+    JsonBody(request, room): JsonBody<RerunJob>,
+) -> Result<Response, Problem> {
+    require_space(&api)?;
+    let (job, scene) = (api.store.get(id).await?, api.store.scene(id).await?);
+    let (Some(job), Some(scene)) = (job, scene) else { return Err(Problem::job_not_found(id)) };
+    let RerunJob { name, overrides, tags, priority, deadline, max_cost } = request;
+    let scene = serde_json::from_str(&scene).map_err(internal)?;
+    let request = SubmitJob {
+        scene: Some(scene),
+        scene_id: None,
+        name: name.or(Some(job.name)),
+        overrides,
+        tags: tags.unwrap_or(job.tags),
+        priority: priority.or(Some(job.priority)),
+        deadline,
+        max_cost,
+        reuse: false,
     };
-    api.worker.wake();
-    let location = format!("/v1/jobs/{}", job.id);
-    Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], Json(dto::Job::from(job))).into_response())
-}
-
-fn idempotency_key(value: &HeaderValue) -> Result<String, Problem> {
-    match value.to_str() {
-        Ok(key) if (1..=255).contains(&key.len()) => Ok(key.to_owned()),
-        _ => Err(Problem::new(Code::InvalidHeader, "an Idempotency-Key has 1 to 255 printable ASCII characters")),
-    }
-}
-
-fn valid_name(name: String) -> Result<String, Problem> {
-    if name.trim().is_empty() || name.chars().count() > MAX_NAME_CHARS {
-        let detail = format!("/name: a name has 1 to {MAX_NAME_CHARS} characters; leave it out to use the scene's");
-        return Err(Problem::new(Code::InvalidRequest, detail));
-    }
-    if let Some(code) = hidden(&name) {
-        let detail = format!("/name: has the character {code}, which controls terminals, lines or text; take it out");
-        return Err(Problem::new(Code::InvalidRequest, detail));
-    }
-    Ok(name)
+    accept(&api, &prepare(&api, request, room, None).await?).await
 }
 
 /// Lists jobs, newest first.
@@ -105,11 +96,11 @@ pub async fn list(State(api): State<Api>, Query(query): Query<ListJobs>) -> Resu
     if !(1..=200).contains(&limit) {
         return Err(Problem::new(Code::InvalidQuery, format!("limit is {limit}; it may be 1 to 200")));
     }
-    let before = query.cursor.map(|cursor| cursor.parse::<i64>()).transpose().map_err(|_| {
+    let before = query.cursor.as_ref().map(|cursor| cursor.parse::<i64>()).transpose().map_err(|_| {
         Problem::new(Code::InvalidQuery, "cursor is not one that this server gave out; take next_cursor of a page")
     })?;
     // One more than asked for shows whether there is another page.
-    let mut jobs = api.store.list(query.status, before, limit + 1).await?;
+    let mut jobs = api.store.list(&query.filter(), before, limit + 1).await?;
     let more = jobs.len() > limit as usize;
     jobs.truncate(limit as usize);
     let next_cursor = jobs.last().filter(|_| more).map(|job| job.seq.to_string());
@@ -228,8 +219,4 @@ pub async fn delete(State(api): State<Api>, JobId(id): JobId, headers: HeaderMap
             Err(Problem::new(Code::JobNotFinished, detail))
         }
     }
-}
-
-fn sha256_hex(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -9,7 +9,9 @@ mod dto;
 mod encoding;
 mod events;
 mod extract;
+mod filters;
 mod follow;
+mod groups;
 mod guard;
 mod health;
 mod index;
@@ -25,6 +27,7 @@ mod router;
 mod scenes;
 mod server;
 mod state;
+mod submission;
 mod watch;
 
 pub use openapi::{document, document_json};

@@ -27,6 +27,7 @@ pub const PROBLEM: &str = "application/problem+json";
     components(schemas(dto::Problem)),
     tags(
         (name = "jobs", description = "Scenes to be run, running and run"),
+        (name = "sweeps", description = "Scenes to be run with many values"),
         (name = "outputs", description = "What jobs produce"),
         (name = "scenes", description = "What can be run"),
         (name = "assets", description = "Files that scenes name"),

@@ -44,6 +44,7 @@ codes! {
     JobNotFound NOT_FOUND "There is no such job",
     AssetNotFound NOT_FOUND "There is no such asset",
     SceneNotFound NOT_FOUND "There is no such scene",
+    SweepNotFound NOT_FOUND "There is no such sweep",
     OutputNotFound NOT_FOUND "The job has no such output yet",
     MethodNotAllowed METHOD_NOT_ALLOWED "The path has no such method",
     RequestTimeout REQUEST_TIMEOUT "The request did not arrive in time",
@@ -57,6 +58,7 @@ codes! {
     InvalidAsset UNPROCESSABLE_ENTITY "The upload is nothing that scenes can use",
     InvalidScene UNPROCESSABLE_ENTITY "The scene has faults",
     IdempotencyKeyReused UNPROCESSABLE_ENTITY "The idempotency key belongs to another request",
+    CostExceeded UNPROCESSABLE_ENTITY "The run would cost more than allowed",
     QueueFull TOO_MANY_REQUESTS "The queue is full",
     Internal INTERNAL_SERVER_ERROR "The server failed",
     Overloaded SERVICE_UNAVAILABLE "The server is too busy",
@@ -96,6 +98,12 @@ impl Problem {
 
     pub fn job_not_found(id: uuid::Uuid) -> Self {
         Self::new(Code::JobNotFound, format!("there is no job {id}; it may have been deleted"))
+    }
+
+    /// Says which part of a request with many parts has the problem.
+    pub fn of(mut self, part: &str) -> Self {
+        self.detail = format!("{part}: {}", self.detail);
+        self
     }
 
     pub fn retry_after(self, seconds: u32) -> Self {

@@ -12,7 +12,7 @@ use utoipa_axum::routes;
 use super::openapi::{self, Description};
 use super::state::Api;
 use super::{
-    assets, cors, devices, encoding, events, guard, health, index, jobs, layers, load, metrics, outputs, scenes,
+    assets, cors, devices, encoding, events, groups, guard, health, index, jobs, layers, load, metrics, outputs, scenes,
 };
 
 /// All routes of the API, and their OpenAPI document.
@@ -25,8 +25,16 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         // /v1/jobs/{id}/events, /v1/jobs/{id}/log
         .routes(routes!(events::events))
         .routes(routes!(events::log))
-        // /v1/jobs/{id}/cancel
+        // /v1/jobs/{id}/cancel, /v1/jobs/{id}/rerun
         .routes(routes!(jobs::cancel))
+        .routes(routes!(jobs::rerun))
+        // /v1/jobs:cancel, /v1/jobs:delete
+        .routes(routes!(groups::cancel_jobs))
+        .routes(routes!(groups::delete_jobs))
+        // /v1/sweeps, /v1/sweeps/{id}, /v1/sweeps/{id}/cancel
+        .routes(routes!(groups::submit_sweep))
+        .routes(routes!(groups::get_sweep))
+        .routes(routes!(groups::cancel_sweep))
         // /v1/jobs/{id}/diagnostics
         .routes(routes!(outputs::diagnostics))
         // /v1/jobs/{id}/recording.mcap, recording-so-far.mcap, thumbnail.png

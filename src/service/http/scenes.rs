@@ -1,6 +1,5 @@
 //! Scenes: are they valid, what do they cost, and what may they contain?
 
-use std::collections::BTreeMap;
 use std::io;
 use std::time::Instant;
 
@@ -110,7 +109,7 @@ pub async fn keep(
     JsonBody(KeepScene { scene }, room): JsonBody<KeepScene>,
 ) -> Result<Response, Problem> {
     require_space(&api)?;
-    let request = SubmitJob { scene: Some(scene), scene_id: None, name: None, overrides: BTreeMap::new() };
+    let request = SubmitJob { scene: Some(scene), ..SubmitJob::default() };
     let files = api.data.scenes();
     let kept = judge(&api, request, room, move |admitted| {
         let (id, new) = files.put(&admitted.document)?;

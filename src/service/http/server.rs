@@ -13,6 +13,7 @@ use tokio::sync::oneshot;
 use super::connections;
 use super::router::router;
 use super::state::{Api, Config};
+use crate::jobs::retention::{self, Keep};
 use crate::jobs::{OpenDevices, Settings, Worker};
 use crate::store::{DataDir, JobStore, StoreError};
 
@@ -20,6 +21,9 @@ use crate::store::{DataDir, JobStore, StoreError};
 const DRAIN: Duration = Duration::from_secs(2);
 /// How long the worker may take to put its job back.
 const WORKER_PATIENCE: Duration = Duration::from_secs(5);
+/// How often to look for jobs that are past their deadline, and for how many such looks nothing is removed.
+const HOUSEKEEPING: Duration = Duration::from_secs(2);
+const ROUNDS_BETWEEN_TIDYING: u32 = 15;
 
 /// Configuration of a server.
 pub struct Options {
@@ -29,6 +33,8 @@ pub struct Options {
     pub database: Option<String>,
     /// Accept a `listen` address that other machines can reach, although clients need no key.
     pub insecure_no_auth: bool,
+    /// How much of what has ended is kept.
+    pub keep: Keep,
     pub config: Config,
     /// Wall time between checkpoints.
     pub checkpoint_every: Duration,
@@ -64,6 +70,24 @@ impl ServeError {
     }
 }
 
+/// Does what is due without a request, for ever.
+async fn keep_house(store: JobStore, data: Arc<DataDir>, keep: Keep) {
+    let mut rounds = (0..ROUNDS_BETWEEN_TIDYING).cycle();
+    loop {
+        if let Err(error) = store.fail_overdue().await {
+            tracing::warn!(%error, "cannot fail jobs that are past their deadline");
+        }
+        if keep != Keep::default() && rounds.next() == Some(0) {
+            match retention::tidy(&store, &data, keep).await {
+                Ok(0) => {}
+                Ok(jobs) => tracing::info!(jobs, "removed jobs that are not to be kept any longer"),
+                Err(error) => tracing::warn!(%error, "cannot remove jobs that are not to be kept any longer"),
+            }
+        }
+        tokio::time::sleep(HOUSEKEEPING).await;
+    }
+}
+
 /// Serves until `shutdown` resolves, then ends gracefully: no new connections, and the running job
 /// goes back into the queue. `listening` is called with the address once requests are accepted.
 pub async fn serve(
@@ -71,7 +95,7 @@ pub async fn serve(
     listening: impl FnOnce(SocketAddr),
     shutdown: impl Future<Output = ()> + Send + 'static,
 ) -> Result<(), ServeError> {
-    let Options { listen, data_dir, database, insecure_no_auth, config, checkpoint_every, devices } = options;
+    let Options { listen, data_dir, database, insecure_no_auth, keep, config, checkpoint_every, devices } = options;
     if !listen.ip().is_loopback() {
         if !insecure_no_auth {
             return Err(ServeError::OpenToStrangers(listen));
@@ -87,6 +111,7 @@ pub async fn serve(
     let address = listener.local_addr().map_err(ServeError::Serve)?;
     let settings = Settings { limits: config.limits, checkpoint_every };
     let worker = Worker::start(store.clone(), data.clone(), settings, devices).await?;
+    let housekeeper = tokio::spawn(keep_house(store.clone(), data.clone(), keep));
     let api = Api::new(store.clone(), data, worker.shared(), config);
     let (config, app) = (api.config.clone(), router(api));
 
@@ -107,6 +132,7 @@ pub async fn serve(
     if tokio::time::timeout(DRAIN, &mut server).await.is_err() {
         server.abort();
     }
+    housekeeper.abort();
     worker.stop(WORKER_PATIENCE).await;
     store.close().await;
     Ok(())

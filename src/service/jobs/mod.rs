@@ -6,6 +6,7 @@ mod attempt;
 mod counters;
 mod log;
 mod resume;
+pub mod retention;
 mod watch;
 mod worker;
 

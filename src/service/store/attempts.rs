@@ -4,7 +4,7 @@ use sqlx::AssertSqlSafe;
 use uuid::Uuid;
 
 use super::row::{ClaimRow, LostRow};
-use super::{Claim, Failure, JobStore, LEASE, MAX_DEATHS, Outcome, Progress, Recovered, Result, Status, known};
+use super::{Claim, Failure, JobStore, LEASE, MAX_DEATHS, Outcome, Progress, Recovered, Result, Status, build, known};
 use gridfall_engine::Backend;
 
 const LEASE_US: i64 = LEASE.as_micros() as i64;
@@ -17,18 +17,19 @@ impl Overdue {
     /// Whatever the lease says.
     const ALWAYS: Self = Self(i64::MAX, i64::MAX);
 
-    /// A lease never ends later than its length from now, by clocks that differ by less than that. One that
-    /// does was taken before the clock went back, and lives on only if it is renewed at once.
+    /// By clocks that differ by less than a lease, none ends later than two leases from now. One that does was
+    /// taken before the clock went back, and lives on only if it is renewed at once.
     fn at(now: i64) -> Self {
         Self(now, now.saturating_add(2 * LEASE_US))
     }
 }
 
 impl JobStore {
-    /// Claims the job that has waited longest, under a new lease. Jobs whose workers are gone are
-    /// among those that wait.
+    /// Claims the job that has waited longest of those with the highest priority, under a new lease. Jobs whose
+    /// workers are gone are among those that wait.
     pub async fn claim(&self, owner: &str) -> Result<Option<Claim>> {
         self.expire(|_| String::new()).await?;
+        self.fail_overdue().await?;
         let now = self.clock.now();
         let row: Option<ClaimRow> = sqlx::query_as(AssertSqlSafe(format!(
             "UPDATE jobs SET status = 'running', attempt = attempt + 1, owner = $1, lease_until = $2, \
@@ -37,8 +38,8 @@ impl JobStore {
                step = CASE WHEN checkpoint_frame IS NULL THEN 0 ELSE step END, \
                frames_written = CASE WHEN checkpoint_frame IS NULL THEN 0 ELSE frames_written END, \
                run_s = CASE WHEN checkpoint_frame IS NULL THEN 0.0 ELSE run_s END \
-             WHERE seq = (SELECT seq FROM jobs WHERE status = 'queued' ORDER BY seq LIMIT 1 {}) \
-             RETURNING id, attempt, scene, deaths",
+             WHERE seq = (SELECT seq FROM jobs WHERE status = 'queued' ORDER BY priority DESC, seq LIMIT 1 {}) \
+             RETURNING id, attempt, deaths, (SELECT scene FROM job_scenes WHERE job_scenes.seq = jobs.seq) AS scene",
             self.database.skip_locked()
         )))
         .bind(owner)
@@ -49,11 +50,27 @@ impl JobStore {
         Ok(row.map(|row| row.0))
     }
 
+    /// Fails the jobs that should have been started by now.
+    pub async fn fail_overdue(&self) -> Result<()> {
+        let now = self.clock.now();
+        let overdue = sqlx::query(
+            "UPDATE jobs SET status = 'failed', finished_at = $1, failure_code = 'deadline', failure_message = $2 \
+             WHERE status = 'queued' AND deadline < $1 AND attempt = 0",
+        );
+        overdue
+            .bind(now)
+            .bind("no worker was free to start the job before its deadline; give it more time or a higher priority")
+            .execute(&self.database.writer)
+            .await?;
+        Ok(())
+    }
+
     /// Records what an attempt runs on.
     pub async fn set_backend(&self, id: Uuid, attempt: i64, backend: &Backend) -> Result<()> {
         let backend = serde_json::to_string(backend).expect("a backend is plain data");
-        sqlx::query("UPDATE jobs SET backend = $1 WHERE id = $2 AND attempt = $3 AND status = 'running'")
+        sqlx::query("UPDATE jobs SET backend = $1, build = $2 WHERE id = $3 AND attempt = $4 AND status = 'running'")
             .bind(backend)
+            .bind(build())
             .bind(id.to_string())
             .bind(attempt)
             .execute(&self.database.writer)

@@ -72,6 +72,11 @@ impl DataDir {
         self.scenes.clone()
     }
 
+    /// The folder of all jobs' folders.
+    pub fn jobs(&self) -> PathBuf {
+        self.root.join("jobs")
+    }
+
     pub fn job(&self, id: Uuid) -> JobFiles {
         JobFiles { dir: self.root.join("jobs").join(id.to_string()) }
     }
@@ -96,6 +101,11 @@ pub struct JobFiles {
 }
 
 impl JobFiles {
+    /// The folder of all that the job leaves.
+    pub fn folder(&self) -> PathBuf {
+        self.dir.clone()
+    }
+
     /// The outputs of an attempt. Only that attempt writes them; those of the attempt that the job's row names count.
     pub fn attempt(&self, attempt: i64) -> AttemptFiles {
         let own = self.dir.join(attempt.to_string());

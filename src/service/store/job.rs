@@ -50,7 +50,10 @@ impl FromStr for Status {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        Self::ALL.into_iter().find(|status| status.as_str() == text).ok_or_else(|| format!("unknown status {text:?}"))
+        Self::ALL
+            .into_iter()
+            .find(|status| status.as_str() == text)
+            .ok_or_else(|| format!("{text:?} is no status; there are queued, running, succeeded, failed and canceled"))
     }
 }
 
@@ -80,11 +83,20 @@ pub struct Progress {
 }
 
 /// A client's request, already found valid.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct NewJob {
     pub name: String,
+    pub tags: Vec<String>,
+    /// Higher ones run first.
+    pub priority: i64,
+    /// Not started by then, the job fails.
+    pub deadline: Option<Timestamp>,
+    /// Foretold wall time (s).
+    pub estimate_s: Option<f64>,
     /// The scene document with overrides applied.
     pub scene: String,
+    /// The SHA-256 of that document.
+    pub scene_sha256: String,
     pub particles: u64,
     /// Number of frames to be written, frame 0 included.
     pub frames: u64,
@@ -106,6 +118,14 @@ pub struct Job {
     pub seq: i64,
     pub id: Uuid,
     pub name: String,
+    pub tags: Vec<String>,
+    /// Higher ones run first.
+    pub priority: i64,
+    pub deadline: Option<Timestamp>,
+    /// Foretold wall time (s).
+    pub estimate_s: Option<f64>,
+    /// The sweep that the job is of.
+    pub sweep: Option<Uuid>,
     pub status: Status,
     pub created_at: Timestamp,
     pub started_at: Option<Timestamp>,

@@ -9,10 +9,13 @@ mod attempts;
 mod clock;
 mod database;
 mod files;
+mod filter;
+mod groups;
 mod job;
 mod requests;
 mod row;
 mod scenes;
+mod submissions;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -21,11 +24,14 @@ use uuid::Uuid;
 
 pub use assets::{Asset, AssetFiles};
 pub use files::{AttemptFiles, DataDir, JobFiles};
+pub use filter::Filter;
+pub use groups::Sweep;
 pub use job::{Failure, Job, NewJob, Progress, Status};
 pub use scenes::SceneFiles;
 
 use clock::Clock;
 use database::Database;
+use gridfall_recording::provenance;
 
 /// A job whose attempts end by the death of their process or device this often in a row, without a
 /// newer checkpoint between them, is given up.
@@ -139,6 +145,11 @@ impl JobStore {
         sqlx::query("SELECT 1").execute(&self.database.reader).await?;
         Ok(())
     }
+}
+
+/// What writes recordings: another build may write other bytes.
+fn build() -> String {
+    format!("{} {}", provenance::VERSION, provenance::COMMIT)
 }
 
 fn known(status: String) -> Status {

@@ -5,74 +5,41 @@ use std::collections::HashSet;
 use uuid::Uuid;
 
 use super::row::{JobRow, select_jobs};
-use super::{Deletion, Job, JobStore, NewJob, Result, Status, Submission};
+use super::submissions::with_place;
+use super::{Deletion, Job, JobStore, Result, Status, build};
 
 impl JobStore {
-    /// Puts a job at the end of the queue unless `max_queued` jobs are waiting already.
-    pub async fn submit(&self, new: &NewJob, max_queued: i64) -> Result<Submission> {
-        let mut tx = self.database.lock_queue().await?;
-        if let Some(key) = &new.idempotency_key {
-            let earlier: Option<(String, String)> =
-                sqlx::query_as("SELECT id, request_sha256 FROM jobs WHERE idempotency_key = $1")
-                    .bind(key)
-                    .fetch_optional(&mut *tx)
-                    .await?;
-            if let Some((id, request_sha256)) = earlier {
-                if request_sha256 != new.request_sha256 {
-                    return Ok(Submission::KeyReused);
-                }
-                let row: JobRow = sqlx::query_as(select_jobs!("WHERE id = $1")).bind(id).fetch_one(&mut *tx).await?;
-                return Ok(Submission::Repeated(row.0));
-            }
-        }
-        let queued: i64 =
-            sqlx::query_scalar("SELECT count(*) FROM jobs WHERE status = 'queued'").fetch_one(&mut *tx).await?;
-        if queued >= max_queued {
-            return Ok(Submission::QueueFull);
-        }
-        let id = Uuid::now_v7().to_string();
-        sqlx::query(
-            "INSERT INTO jobs (id, name, scene, idempotency_key, request_sha256, status, created_at, particles, \
-             frames, end_time_s, integrator, integrator_reason, notices) \
-             VALUES ($1, $2, $3, $4, $5, 'queued', $6, $7, $8, $9, $10, $11, $12)",
-        )
-        .bind(&id)
-        .bind(&new.name)
-        .bind(&new.scene)
-        .bind(&new.idempotency_key)
-        .bind(&new.request_sha256)
-        .bind(self.clock.now())
-        .bind(new.particles as i64)
-        .bind(new.frames as i64)
-        .bind(new.end_time_s)
-        .bind(&new.integrator)
-        .bind(&new.integrator_reason)
-        .bind(serde_json::to_string(&new.notices).expect("notices are plain text"))
-        .execute(&mut *tx)
-        .await?;
-        let row: JobRow = sqlx::query_as(select_jobs!("WHERE id = $1")).bind(id).fetch_one(&mut *tx).await?;
-        tx.commit().await?;
-        Ok(Submission::Accepted(row.0))
-    }
-
     pub async fn get(&self, id: Uuid) -> Result<Option<Job>> {
-        let row: Option<JobRow> = sqlx::query_as(select_jobs!("WHERE id = $1"))
+        let row: Option<JobRow> = sqlx::query_as(select_jobs("WHERE id = $1"))
             .bind(id.to_string())
             .fetch_optional(&self.database.reader)
             .await?;
-        Ok(row.map(|row| row.0))
+        match row {
+            Some(row) => Ok(Some(with_place(&self.database.reader, row.0).await?)),
+            None => Ok(None),
+        }
     }
 
-    /// Newest first; if `before` (a [`Job::seq`]) is given, only those accepted before it.
-    pub async fn list(&self, status: Option<Status>, before: Option<i64>, limit: i64) -> Result<Vec<Job>> {
-        let rows: Vec<JobRow> =
-            sqlx::query_as(select_jobs!("WHERE ($1 = '' OR status = $1) AND seq < $2 ORDER BY seq DESC LIMIT $3"))
-                .bind(status.map_or("", Status::as_str))
-                .bind(before.unwrap_or(i64::MAX))
-                .bind(limit)
-                .fetch_all(&self.database.reader)
-                .await?;
-        Ok(rows.into_iter().map(|row| row.0).collect())
+    /// The scene of a job.
+    pub async fn scene(&self, id: Uuid) -> Result<Option<String>> {
+        let scene = sqlx::query_scalar(
+            "SELECT scene FROM job_scenes JOIN jobs ON jobs.seq = job_scenes.seq WHERE jobs.id = $1",
+        );
+        Ok(scene.bind(id.to_string()).fetch_optional(&self.database.reader).await?)
+    }
+
+    /// The newest job that has run a scene to its end in this build, on the server of that name.
+    pub async fn finished(&self, scene_sha256: &str, owner: &str) -> Result<Option<Job>> {
+        let row: Option<JobRow> = sqlx::query_as(select_jobs(
+            "WHERE scene_sha256 = $1 AND status = 'succeeded' AND build = $2 AND owner = $3 \
+             ORDER BY jobs.seq DESC LIMIT 1",
+        ))
+        .bind(scene_sha256)
+        .bind(build())
+        .bind(owner)
+        .fetch_optional(&self.database.reader)
+        .await?;
+        Ok(row.map(|row| row.0))
     }
 
     /// Number of jobs in each status.

@@ -4,27 +4,23 @@ use std::error::Error;
 
 use jiff::Timestamp;
 use sqlx::any::AnyRow;
-use sqlx::{FromRow, Row};
+use sqlx::{AssertSqlSafe, FromRow, Row};
 use uuid::Uuid;
 
 use super::{Claim, Failure, Job, Progress};
 
-/// `SELECT` of everything that [`JobRow`] reads, followed by the given clauses.
-macro_rules! select_jobs {
-    ($clauses:literal) => {
-        concat!(
-            "SELECT seq, id, name, status, created_at, started_at, finished_at, attempt, deaths, checkpoint_frame, ",
-            "cancel_requested, particles, ",
-            "frames, end_time_s, sim_time_s, step, frames_written, run_s, integrator, integrator_reason, notices, ",
-            "backend, failure_code, failure_message, ",
-            "CASE status WHEN 'queued' THEN (SELECT count(*) FROM jobs AS ahead WHERE ahead.status = 'queued' ",
-            "AND ahead.seq <= jobs.seq) END AS queue_position FROM jobs ",
-            $clauses
-        )
-    };
-}
-pub(super) use select_jobs;
+/// What [`JobRow`] reads.
+const COLUMNS: &str = "jobs.seq, jobs.id, name, status, created_at, started_at, finished_at, attempt, deaths, \
+    checkpoint_frame, cancel_requested, particles, frames, end_time_s, sim_time_s, step, frames_written, run_s, \
+    integrator, integrator_reason, notices, backend, failure_code, failure_message, priority, tags, deadline, \
+    estimate_s, sweep";
 
+/// `SELECT` of jobs, followed by the given clauses, which hold no text of a client.
+pub(super) fn select_jobs(clauses: &str) -> AssertSqlSafe<String> {
+    AssertSqlSafe(format!("SELECT {COLUMNS} FROM jobs {clauses}"))
+}
+
+/// A job but for its place in the queue.
 pub(super) struct JobRow(pub Job);
 
 impl FromRow<'_, AnyRow> for JobRow {
@@ -43,7 +39,12 @@ impl FromRow<'_, AnyRow> for JobRow {
             deaths: row.try_get("deaths")?,
             checkpoint_frame: row.try_get::<Option<i64>, _>("checkpoint_frame")?.map(|frame| frame as u64),
             cancel_requested: row.try_get::<i64, _>("cancel_requested")? != 0,
-            queue_position: row.try_get("queue_position")?,
+            queue_position: None,
+            priority: row.try_get("priority")?,
+            tags: serde_json::from_str(&row.try_get::<String, _>("tags")?).map_err(decode)?,
+            deadline: row.try_get::<Option<i64>, _>("deadline")?.map(timestamp).transpose()?,
+            estimate_s: row.try_get("estimate_s")?,
+            sweep: row.try_get::<Option<String>, _>("sweep")?.map(uuid).transpose()?,
             particles: row.try_get::<i64, _>("particles")? as u64,
             frames: row.try_get::<i64, _>("frames")? as u64,
             end_time_s: row.try_get("end_time_s")?,

@@ -2,6 +2,7 @@
 
 mod assets;
 mod errors;
+mod groups;
 mod lifecycle;
 mod manners;
 mod openapi;

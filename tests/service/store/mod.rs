@@ -1,5 +1,6 @@
 //! The job store keeps its promises, whatever the order of calls, on SQLite and on PostgreSQL.
 
+mod groups;
 mod leases;
 mod outages;
 mod queue;
@@ -49,9 +50,8 @@ fn new_job(name: &str) -> NewJob {
         end_time_s: 0.5,
         integrator: "explicit".into(),
         integrator_reason: "it is a test".into(),
-        notices: Vec::new(),
-        idempotency_key: None,
         request_sha256: name.into(),
+        ..NewJob::default()
     }
 }
 

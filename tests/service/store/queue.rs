@@ -1,6 +1,6 @@
 //! The queue: in order, bounded, and every request accepted once.
 
-use gridfall_service::store::{Deletion, Job, JobStore, NewJob, Outcome, Progress, Status, Submission};
+use gridfall_service::store::{Deletion, Filter, Job, JobStore, NewJob, Outcome, Progress, Status, Submission};
 use uuid::Uuid;
 
 use super::{accept, new_job, on_both};
@@ -70,10 +70,11 @@ async fn lists_are_newest_first_and_page_without_gaps(store: JobStore) {
     }
     store.claim("me").await.unwrap().unwrap();
     let names = |jobs: &[Job]| jobs.iter().map(|job| job.name.clone()).collect::<Vec<_>>();
-    let page = store.list(None, None, 3).await.unwrap();
+    let running = Filter { statuses: vec![Status::Running], ..Filter::default() };
+    let page = store.list(&Filter::default(), None, 3).await.unwrap();
     assert_eq!(names(&page), ["d", "c", "b"]);
-    assert_eq!(names(&store.list(None, Some(page[2].seq), 3).await.unwrap()), ["a"]);
-    assert_eq!(names(&store.list(Some(Status::Running), None, 3).await.unwrap()), ["a"]);
+    assert_eq!(names(&store.list(&Filter::default(), Some(page[2].seq), 3).await.unwrap()), ["a"]);
+    assert_eq!(names(&store.list(&running, None, 3).await.unwrap()), ["a"]);
     assert_eq!(store.counts().await.unwrap()[..2], [(Status::Queued, 3), (Status::Running, 1)]);
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use gridfall_service::store::{JobStore, Status, Submission};
+use gridfall_service::store::{Filter, JobStore, Status, Submission};
 
 use super::new_job;
 
@@ -14,7 +14,7 @@ async fn the_database_of_release_0_1_opens_with_its_jobs() {
     std::fs::copy(kept, &path).unwrap();
     let store = JobStore::open(&path).await.unwrap();
 
-    let jobs = store.list(None, None, 10).await.unwrap();
+    let jobs = store.list(&Filter::default(), None, 10).await.unwrap();
     let seen: Vec<_> = jobs.iter().rev().map(|job| (job.name.as_str(), job.status, job.attempt)).collect();
     assert_eq!(
         seen,

@@ -1,0 +1,143 @@
+//! Sweeps, reruns, reuse, filters, limits of cost, and changes of many jobs, over HTTP.
+
+use serde_json::{Value, json};
+
+use super::support::{Server, endless, short};
+
+fn accepted(server: &Server, body: Value) -> String {
+    let answer = server.post_json("/v1/jobs", &body);
+    assert_eq!(answer.status, 202, "{}", String::from_utf8_lossy(&answer.body));
+    answer.header("location").to_owned()
+}
+
+fn refused(server: &Server, path: &str, body: Value, code: &str) -> String {
+    let answer = server.post_json(path, &body);
+    let problem = answer.json();
+    assert_eq!((answer.status, &problem["code"]), (422, &json!(code)), "{problem}");
+    problem["detail"].as_str().unwrap().to_owned()
+}
+
+#[test]
+fn a_sweep_runs_every_combination_and_ends() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let body = json!({ "scene": short(), "name": "steps", "tags": ["s"],
+        "grid": { "solver.cfl": [0.3, 0.5], "solver.kernel": ["compact", "quadratic"] } });
+    let answer = server.post_json("/v1/sweeps", &body);
+    assert_eq!((answer.status, &answer.json()["total"]), (202, &json!(4)));
+    let path = answer.header("location").to_owned();
+    let sweep = server.wait_until(&path, "the end of the sweep", |sweep| sweep["ended"] == true);
+    assert_eq!((&sweep["jobs"], &sweep["fraction"]), (&json!({ "succeeded": 4 }), &json!(1.0)));
+    let jobs = server.get(&format!("/v1/jobs?sweep={}", sweep["id"].as_str().unwrap())).json();
+    let names: Vec<&str> = jobs["jobs"].as_array().unwrap().iter().map(|job| job["name"].as_str().unwrap()).collect();
+    assert_eq!(names.len(), 4);
+    assert_eq!(names[3], "steps solver.cfl=0.3 solver.kernel=\"compact\"");
+
+    let wrong = json!({ "scene": short(), "list": [{ "solver.cfl": 0.4 }, { "solver.cfl": -1 }] });
+    let detail = refused(&server, "/v1/sweeps", wrong, "invalid_scene");
+    assert!(detail.starts_with("job 2 of 2 (solver.cfl=-1)"), "{detail}");
+    refused(&server, "/v1/sweeps", json!({ "scene": short() }), "invalid_request");
+    let many: Vec<usize> = (1..=257).collect();
+    refused(&server, "/v1/sweeps", json!({ "scene": short(), "grid": { "seed": many } }), "invalid_request");
+    assert_eq!(server.get("/v1/jobs").json()["jobs"].as_array().unwrap().len(), 4, "none of the refused ones");
+
+    let answer = server.post_json("/v1/sweeps", &json!({ "scene": endless(), "grid": { "seed": [1, 2, 3] } }));
+    let path = answer.header("location").to_owned();
+    assert!([200, 202].contains(&server.call("POST", &format!("{path}/cancel"), &[], "").status));
+    let sweep = server.wait_until(&path, "the end of the sweep", |sweep| sweep["ended"] == true);
+    assert_eq!(sweep["jobs"], json!({ "canceled": 3 }));
+    let none = server.get("/v1/sweeps/01890000-0000-7000-8000-000000000000");
+    assert_eq!((none.status, &none.json()["code"]), (404, &json!("sweep_not_found")));
+}
+
+#[test]
+fn a_job_is_run_again_and_the_same_scene_is_answered_by_a_finished_job() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let first = accepted(&server, json!({ "scene": short(), "name": "first", "tags": ["b", "a", "b"], "priority": 3 }));
+    let job = server.wait_for(&first, "succeeded");
+    assert_eq!((&job["tags"], &job["priority"]), (&json!(["a", "b"]), &json!(3)));
+    assert!(job["estimate_s"].as_f64() > Some(0.0) && job["run_s"].as_f64() > Some(0.0), "{job:#}");
+
+    let again = server.post_json(&format!("{first}/rerun"), &json!({ "overrides": { "time.end": 0.02 } }));
+    assert_eq!(again.status, 202);
+    let again = server.wait_for(again.header("location"), "succeeded");
+    assert_eq!((&again["name"], &again["tags"], &again["priority"]), (&job["name"], &job["tags"], &job["priority"]));
+    assert_eq!(again["progress"]["frames"], 3);
+
+    let reused = server.post_json("/v1/jobs", &json!({ "scene": short(), "reuse": true }));
+    assert_eq!((reused.status, reused.header("location")), (200, first.as_str()));
+    let other = server.post_json("/v1/jobs", &json!({ "scene": short(), "reuse": true, "overrides": { "seed": 7 } }));
+    assert_eq!(other.status, 202, "another seed is another scene");
+}
+
+#[test]
+fn jobs_are_found_canceled_and_deleted_by_filters() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let running = accepted(&server, json!({ "scene": endless(), "tags": ["long"] }));
+    server.wait_for_frames(&running, 1);
+    for name in ["one", "two"] {
+        accepted(&server, json!({ "scene": short(), "name": name, "tags": ["quick"] }));
+    }
+    let found = |query: &str| {
+        let page = server.get(&format!("/v1/jobs?{query}")).json();
+        page["jobs"].as_array().unwrap_or_else(|| panic!("{page:#}")).len()
+    };
+    assert_eq!(found("status=queued,running"), 3);
+    assert_eq!((found("status=queued&tag=quick"), found("tag=long,quick"), found("name=t*")), (2, 0, 1));
+    assert_eq!((found("created_after=2000-01-01T00:00:00Z"), found("created_before=2000-01-01T00:00:00Z")), (3, 0));
+    assert_eq!(server.get("/v1/jobs?status=waiting").json()["code"], "invalid_query");
+
+    refused(&server, "/v1/jobs:cancel", json!({}), "invalid_request");
+    let canceled = server.post_json("/v1/jobs:cancel", &json!({ "tag": ["quick"] }));
+    assert_eq!((canceled.status, canceled.json()), (200, json!({ "jobs": 2 })));
+    let deleted = server.post_json("/v1/jobs:delete", &json!({ "status": ["canceled", "running"] }));
+    assert_eq!((deleted.status, deleted.json()), (200, json!({ "jobs": 2 })));
+    assert_eq!(found(""), 1);
+    server.call("POST", &format!("{running}/cancel"), &[], "");
+    server.wait_for(&running, "canceled");
+    let folder = server.file(&running, "");
+    assert!(folder.exists());
+    assert_eq!(server.post_json("/v1/jobs:delete", &json!({ "tag": ["long"] })).json(), json!({ "jobs": 1 }));
+    assert!(!folder.exists());
+}
+
+#[test]
+fn what_costs_too_much_or_is_out_of_form_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let detail = refused(&server, "/v1/jobs", json!({ "scene": endless(), "max_cost": 1e-3 }), "cost_exceeded");
+    assert!(detail.contains("/max_cost"), "{detail}");
+    for (field, value) in
+        [("tags", json!(["a,b"])), ("tags", json!([""])), ("priority", json!(5000)), ("max_cost", json!(0))]
+    {
+        let mut body = json!({ "scene": short() });
+        body[field] = value;
+        let detail = refused(&server, "/v1/jobs", body, "invalid_request");
+        assert!(detail.starts_with(&format!("/{field}")), "{detail}");
+    }
+    let late = accepted(&server, json!({ "scene": short(), "deadline": "2020-01-01T00:00:00Z" }));
+    assert_eq!(server.wait_for(&late, "failed")["failure"]["code"], "deadline");
+}
+
+#[test]
+fn what_takes_too_much_room_is_removed_oldest_first() {
+    let dir = tempfile::tempdir().unwrap();
+    let jobs: Vec<String> = {
+        let server = Server::start(dir.path());
+        let jobs: Vec<String> = (0..3).map(|_| server.submit(short())).collect();
+        jobs.iter().for_each(|job| drop(server.wait_for(job, "succeeded")));
+        jobs
+    };
+    let folder = |job: &str| dir.path().join("jobs").join(job.rsplit('/').next().unwrap());
+    let size = |job: &str| {
+        let files = std::fs::read_dir(folder(job)).unwrap().map(|file| file.unwrap().metadata().unwrap().len());
+        files.sum::<u64>()
+    };
+    let two = size(&jobs[1]) + size(&jobs[2]);
+    let server = Server::start_with(dir.path(), &["--keep-bytes", &two.to_string()]);
+    server.wait_until("/v1/jobs", "the removal", |page| page["jobs"].as_array().unwrap().len() == 2);
+    assert_eq!(server.get(&jobs[0]).status, 404);
+    assert!(folder(&jobs[1]).exists() && folder(&jobs[2]).exists());
+}
