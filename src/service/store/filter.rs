@@ -89,16 +89,20 @@ impl Filter {
         if let Some(sweep) = self.sweep {
             all.push(format!("sweep = {}", values.text(sweep)));
         }
+        // Jobs are numbered as they are created, so that the number bounds the search. The plus keeps the
+        // databases from searching by the time itself: all that it finds would have to be sorted.
         if let Some(time) = self.created_after {
-            all.push(format!("created_at > {}", values.int(time.as_microsecond())));
+            let time = values.int(time.as_microsecond());
+            all.push(format!(
+                "+jobs.created_at > {time} AND jobs.seq >= (SELECT seq FROM jobs AS later \
+                 WHERE later.created_at > {time} ORDER BY created_at, seq LIMIT 1)"
+            ));
         }
         if let Some(time) = self.created_before {
             let time = values.int(time.as_microsecond());
-            // Jobs are numbered as they are created, so that the number bounds the search.
             all.push(format!(
-                "created_at < {time} AND jobs.seq <= \
-                 (SELECT seq FROM jobs AS earlier WHERE earlier.created_at < {time} \
-                 ORDER BY created_at DESC, seq DESC LIMIT 1)"
+                "+jobs.created_at < {time} AND jobs.seq <= (SELECT seq FROM jobs AS earlier \
+                 WHERE earlier.created_at < {time} ORDER BY created_at DESC, seq DESC LIMIT 1)"
             ));
         }
         all.join(" AND ")
