@@ -162,7 +162,7 @@ fn the_implicit_gpu_engine_goes_on() {
     // Short frames: the software GPU takes seconds a step.
     let mut problem =
         everything(3, 250.0, r#"{ "integrator": "implicit", "kernel": "quadratic", "transfer": "apic" }"#);
-    problem.setup.frames = 4;
+    problem.setup.frames = 3;
     check(&problem, &[2], &|| {
         Box::new(ImplicitEngine::on_gpu(common::gpu(), &problem.setup, problem.particles.clone(), "test").unwrap())
     });

@@ -76,7 +76,8 @@ pub async fn recording(
         return Err(missing("recording", status));
     }
     let detail = format!(
-        "the job runs, and its recording is not complete; GET /v1/jobs/{id}/recording-so-far.mcap for the frames so far, or this with ?follow=true to receive it as it grows"
+        "the job runs, and its recording is not complete; GET /v1/jobs/{id}/recording-so-far.mcap for the frames so \
+         far, or this with ?follow=true to receive it as it grows"
     );
     Err(Problem::new(Code::JobNotFinished, detail))
 }
