@@ -22,13 +22,13 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     if adapters.is_empty() {
         println!("no adapters: no Vulkan, Metal or DX12 driver was found; scenes run on the CPU");
     }
-    for a in adapters {
+    for (number, a) in adapters.iter().enumerate() {
         let use_ = match (&a.unusable, a.software) {
             (Some(why), _) => format!("cannot be used: {why}"),
             (None, true) => format!("software: used only by name, --adapter \"{}\"", a.name),
             (None, false) => "used by default".into(),
         };
-        println!("{} ({}, {}, {})\n  {use_}", a.name, a.backend, a.kind, a.driver);
+        println!("#{number} {} ({}, {}, {})\n  {use_}", a.name, a.backend, a.kind, a.driver);
     }
     Ok(())
 }

@@ -126,7 +126,7 @@ impl Server {
             keep: Keep::default(),
             config: Config::default(),
             checkpoint_every: Settings::default().checkpoint_every,
-            devices: opener(device),
+            devices: vec![opener(device)],
         };
         let (stop, stopped) = oneshot::channel();
         let (listening, address) = mpsc::channel();

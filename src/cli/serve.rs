@@ -8,7 +8,7 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 use tracing_subscriber::EnvFilter;
 
-use super::device::DeviceArguments;
+use super::device::{DeviceArguments, ServerDevices};
 use super::{CliError, interrupt};
 use gridfall_engine::choice::Devices;
 use gridfall_service::http::{self, Config, Options};
@@ -91,7 +91,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N", env = "GRIDFALL_KEEP_BYTES")]
     keep_bytes: Option<u64>,
     #[command(flatten)]
-    device: DeviceArguments,
+    devices: ServerDevices,
 }
 
 pub fn execute(arguments: Arguments) -> Result<(), CliError> {
@@ -120,7 +120,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
             ..Config::default()
         },
         checkpoint_every: Duration::from_secs_f64(arguments.checkpoint_seconds),
-        devices: opener(arguments.device),
+        devices: arguments.devices.each().into_iter().map(opener).collect(),
     };
     let runtime = runtime()?;
     let served = runtime.block_on(async {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Setup;
 use gridfall_engine::{Backend, Control, Engine, EngineError, FrameStats, StateError};
-use gridfall_service::jobs::{DeviceState, EngineSource, OpenDevices, Settings, Worker};
+use gridfall_service::jobs::{DeviceState, EngineSource, OpenDevices, Settings, Workers};
 use gridfall_service::store::{DataDir, Job, JobStore, MAX_DEATHS, NewJob, Status, Submission};
 use uuid::Uuid;
 
@@ -31,6 +31,8 @@ enum Fate {
     Panic,
     Diverge,
     LoseDevice,
+    /// Waits until another engine is loaded.
+    Meet,
 }
 
 /// An engine that moves nothing and meets its fate in its second frame.
@@ -39,6 +41,7 @@ struct Fake {
     particles: Particles,
     frame: u32,
     fate: Fate,
+    loaded: Arc<AtomicUsize>,
 }
 
 impl Engine for Fake {
@@ -46,7 +49,13 @@ impl Engine for Fake {
         &self.backend
     }
 
-    fn advance_frame(&mut self, frame_s: f64, _control: &dyn Control) -> Result<FrameStats, EngineError> {
+    fn advance_frame(&mut self, frame_s: f64, control: &dyn Control) -> Result<FrameStats, EngineError> {
+        while self.fate == Fate::Meet && self.loaded.load(Ordering::SeqCst) < 2 {
+            if control.canceled() {
+                return Err(EngineError::Canceled);
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
         self.frame += 1;
         match self.fate {
             Fate::Panic if self.frame == 2 => panic!("an index out of bounds, say"),
@@ -95,7 +104,8 @@ impl EngineSource for Fakes {
             software: false,
             reason: "a test".into(),
         };
-        Ok(Box::new(Fake { backend, particles, frame: 0, fate: self.fates[n] }))
+        let loaded = self.loaded.clone();
+        Ok(Box::new(Fake { backend, particles, frame: 0, fate: self.fates[n], loaded }))
     }
 
     fn describe(&self) -> String {
@@ -109,25 +119,32 @@ struct Bench {
     _dir: tempfile::TempDir,
     data: Arc<DataDir>,
     store: JobStore,
-    worker: Worker,
+    workers: Workers,
     opened: Arc<AtomicUsize>,
 }
 
 impl Bench {
     async fn start(fates: &[Fate], failed_openings: usize) -> Self {
+        Self::start_workers(1, fates, failed_openings).await
+    }
+
+    async fn start_workers(workers: usize, fates: &[Fate], failed_openings: usize) -> Self {
         let dir = tempfile::tempdir().unwrap();
         let data = Arc::new(DataDir::open(dir.path()).unwrap());
         let store = JobStore::open(&data.database()).await.unwrap();
         let (opened, loaded) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicUsize::new(0)));
-        let (count, fates) = (opened.clone(), fates.to_vec());
-        let open: OpenDevices = Box::new(move || {
-            if count.fetch_add(1, Ordering::SeqCst) < failed_openings {
-                return Err(EngineError::NoDevice("it is not there yet".into()));
-            }
-            Ok(Box::new(Fakes { fates: fates.clone(), loaded: loaded.clone() }) as Box<dyn EngineSource>)
-        });
-        let worker = Worker::start(store.clone(), data.clone(), Settings::default(), open).await.unwrap();
-        Self { _dir: dir, data, store, worker, opened }
+        let open = || -> OpenDevices {
+            let (count, loaded, fates) = (opened.clone(), loaded.clone(), fates.to_vec());
+            Box::new(move || {
+                if count.fetch_add(1, Ordering::SeqCst) < failed_openings {
+                    return Err(EngineError::NoDevice("it is not there yet".into()));
+                }
+                Ok(Box::new(Fakes { fates: fates.clone(), loaded: loaded.clone() }) as Box<dyn EngineSource>)
+            })
+        };
+        let open = (0..workers).map(|_| open()).collect();
+        let workers = Workers::start(store.clone(), data.clone(), Settings::default(), open).await.unwrap();
+        Self { _dir: dir, data, store, workers, opened }
     }
 
     async fn submit(&self) -> Uuid {
@@ -142,7 +159,7 @@ impl Bench {
             ..NewJob::default()
         };
         let Submission::Accepted(job) = self.store.submit(&new, 10).await.unwrap() else { panic!("not accepted") };
-        self.worker.shared().wake();
+        self.workers.shared().wake();
         job.id
     }
 
@@ -186,7 +203,7 @@ async fn a_panic_fails_its_job_and_the_next_one_runs_on_fresh_devices() {
     assert_eq!((next.status, next.attempt), (Status::Succeeded, 1));
     assert_eq!(frames(&bench.data.job(next.id).attempt(next.attempt).recording()), 4);
     assert_eq!(bench.opened(), 2);
-    bench.worker.stop(Duration::from_secs(60)).await;
+    bench.workers.stop(Duration::from_secs(60)).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -197,7 +214,7 @@ async fn a_failure_of_the_scene_has_the_engines_code_and_keeps_the_frames_before
     assert_eq!(frames(&bench.data.job(job.id).attempt(job.attempt).recording()), 2);
     assert_eq!(bench.ended(bench.submit().await).await.status, Status::Succeeded);
     assert_eq!(bench.opened(), 1, "the devices had no part in it");
-    bench.worker.stop(Duration::from_secs(60)).await;
+    bench.workers.stop(Duration::from_secs(60)).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -216,14 +233,27 @@ async fn a_job_is_tried_again_after_a_lost_device_and_given_up_when_that_never_e
     assert!(failure.message.contains("fell off the bus"), "{failure:?}");
     assert_eq!(bench.ended(bench.submit().await).await.status, Status::Succeeded);
     assert_eq!(bench.opened(), 2 + MAX_DEATHS as usize);
-    bench.worker.stop(Duration::from_secs(60)).await;
+    bench.workers.stop(Duration::from_secs(60)).await;
+}
+
+/// Each job waits for the other to be loaded.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_server_runs_a_job_on_each_of_its_devices_at_a_time() {
+    let bench = Bench::start_workers(2, &[Fate::Meet], 0).await;
+    let jobs = [bench.submit().await, bench.submit().await];
+    for job in jobs {
+        let job = bench.ended(job).await;
+        assert_eq!((job.status, job.attempt), (Status::Succeeded, 1));
+    }
+    assert_eq!(bench.opened(), 2);
+    bench.workers.stop(Duration::from_secs(60)).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn jobs_wait_for_a_device_that_comes_late() {
     let bench = Bench::start(&[Fate::GoOn], 1).await;
     let id = bench.submit().await;
-    let shared = bench.worker.shared();
+    let shared = bench.workers.shared();
     let reason = bench
         .until(|| async {
             match shared.device() {
@@ -235,7 +265,7 @@ async fn jobs_wait_for_a_device_that_comes_late() {
     assert!(reason.contains("not there yet"), "{reason}");
     assert_eq!(bench.ended(id).await.status, Status::Succeeded);
     assert_eq!(shared.device(), DeviceState::Ready("fakes".into()));
-    bench.worker.stop(Duration::from_secs(60)).await;
+    bench.workers.stop(Duration::from_secs(60)).await;
     assert_eq!(shared.device(), DeviceState::Stopped);
 }
 
@@ -253,9 +283,9 @@ async fn a_scene_that_this_version_does_not_accept_fails_with_its_faults() {
         ..NewJob::default()
     };
     let Submission::Accepted(job) = bench.store.submit(&new, 10).await.unwrap() else { panic!("not accepted") };
-    bench.worker.shared().wake();
+    bench.workers.shared().wake();
     let failure = bench.ended(job.id).await.failure.unwrap();
     assert_eq!(failure.code, "invalid_scene");
     assert!(failure.message.contains("/materials/jelly/density"), "{failure:?}");
-    bench.worker.stop(Duration::from_secs(60)).await;
+    bench.workers.stop(Duration::from_secs(60)).await;
 }

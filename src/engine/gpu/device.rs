@@ -98,8 +98,8 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    /// Opens the best real GPU, or the adapter whose name contains `adapter` (case ignored),
-    /// software drivers included.
+    /// Opens the best real GPU, or the adapter whose name contains `adapter` (case ignored), software
+    /// drivers included, or for `#N` the one of that number among all, counted from 0.
     ///
     /// Errors: [`EngineError::NoDevice`] that says what was found and what would help.
     pub fn open(adapter: Option<&str>) -> Result<Self, EngineError> {
@@ -107,6 +107,12 @@ impl Gpu {
         let mut found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
         let names = found.iter().map(|a| a.get_info().name).collect::<Vec<_>>().join(", ");
         let names = if names.is_empty() { "none".to_string() } else { names };
+        let number = adapter.and_then(|adapter| adapter.strip_prefix('#')?.parse::<usize>().ok());
+        if let Some(number) = number {
+            let chosen = found.into_iter().nth(number);
+            let missing = || EngineError::NoDevice(format!("there is no adapter #{number}; found: {names}"));
+            return Self::from_adapter(&chosen.ok_or_else(missing)?);
+        }
         found.retain(|a| {
             let info = a.get_info();
             match adapter {

@@ -14,7 +14,7 @@ use super::connections;
 use super::router::router;
 use super::state::{Api, Config};
 use crate::jobs::retention::{self, Keep};
-use crate::jobs::{OpenDevices, Settings, Worker};
+use crate::jobs::{OpenDevices, Settings, Workers};
 use crate::store::{DataDir, JobStore, StoreError};
 
 /// How long open connections may continue after shutdown was requested. Downloads are then cut off.
@@ -38,7 +38,8 @@ pub struct Options {
     pub config: Config,
     /// Wall time between checkpoints.
     pub checkpoint_every: Duration,
-    pub devices: OpenDevices,
+    /// By worker.
+    pub devices: Vec<OpenDevices>,
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -110,9 +111,9 @@ pub async fn serve(
     let listener = TcpListener::bind(listen).await.map_err(|error| ServeError::Listen { address: listen, error })?;
     let address = listener.local_addr().map_err(ServeError::Serve)?;
     let settings = Settings { limits: config.limits, checkpoint_every };
-    let worker = Worker::start(store.clone(), data.clone(), settings, devices).await?;
+    let workers = Workers::start(store.clone(), data.clone(), settings, devices).await?;
     let housekeeper = tokio::spawn(keep_house(store.clone(), data.clone(), keep));
-    let api = Api::new(store.clone(), data, worker.shared(), config);
+    let api = Api::new(store.clone(), data, workers.shared(), config);
     let (config, app) = (api.config.clone(), router(api));
 
     let (asked, end) = oneshot::channel();
@@ -128,12 +129,12 @@ pub async fn serve(
     listening(address);
     // An error means that the server's task has died, which ends the server, too.
     let _ = end.await;
-    worker.shared().stop();
+    workers.shared().stop();
     if tokio::time::timeout(DRAIN, &mut server).await.is_err() {
         server.abort();
     }
     housekeeper.abort();
-    worker.stop(WORKER_PATIENCE).await;
+    workers.stop(WORKER_PATIENCE).await;
     store.close().await;
     Ok(())
 }

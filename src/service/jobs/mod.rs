@@ -1,5 +1,5 @@
-//! Running jobs: admission of scenes, and the worker that takes jobs from the store and runs them
-//! to the end.
+//! Running jobs: admission of scenes, and the workers, one a device, that take jobs from the store
+//! and run them to the end.
 
 pub mod admission;
 mod attempt;
@@ -10,14 +10,14 @@ pub mod retention;
 mod watch;
 mod worker;
 
-use std::sync::{Mutex, OnceLock};
+use std::sync::{Mutex, MutexGuard, OnceLock};
 use std::time::{Duration, Instant};
 
 use tokio::sync::Notify;
 
 pub use attempt::panic_message;
 pub use counters::{Counters, StatusLabel};
-pub use worker::{Settings, Worker};
+pub use worker::{Settings, Workers};
 
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Setup;
@@ -74,53 +74,68 @@ pub enum DeviceState {
 /// How long a run may take to reach the end of its frame, where it saves its state, when the server stops.
 const GRACE: Duration = Duration::from_secs(3);
 
-/// What the worker and the rest of the server share.
+/// What the workers and the rest of the server share.
 #[derive(Debug)]
 pub struct Shared {
     wake: Notify,
-    /// When the worker was asked to stop.
+    /// When the workers were asked to stop.
     stop: OnceLock<Instant>,
-    device: Mutex<DeviceState>,
-    devices: Mutex<Vec<Backend>>,
+    /// By worker: the state of its devices, and those that are open.
+    devices: Mutex<Vec<(DeviceState, Vec<Backend>)>>,
     pub counters: Counters,
 }
 
-impl Default for Shared {
-    fn default() -> Self {
+impl Shared {
+    fn new(workers: usize) -> Self {
         Self {
             wake: Notify::new(),
             stop: OnceLock::new(),
-            device: Mutex::new(DeviceState::Opening),
-            devices: Mutex::default(),
+            devices: Mutex::new(vec![(DeviceState::Opening, Vec::new()); workers]),
             counters: Counters::default(),
         }
     }
-}
 
-impl Shared {
-    /// Tells the worker that there may be a new job.
+    /// Tells a worker that there may be a new job.
     pub fn wake(&self) {
         self.wake.notify_one();
     }
 
-    /// Asks the worker to put its job back and to end.
+    /// Asks the workers to put their jobs back and to end.
     pub fn stop(&self) {
-        // Asked again, it has stopped since the first time.
+        // Asked again, they have stopped since the first time.
         let _ = self.stop.set(Instant::now());
+        // One that is about to wait is woken by the next one's end.
+        self.wake.notify_waiters();
         self.wake.notify_one();
     }
 
+    /// The state of the workers' devices: that of the worker that is nearest to running a job.
     pub fn device(&self) -> DeviceState {
-        self.device.lock().expect("no code panics while it holds this lock").clone()
+        let rank = |state: &DeviceState| match state {
+            DeviceState::Ready(_) => 0,
+            DeviceState::Opening => 1,
+            DeviceState::Unusable(_) => 2,
+            DeviceState::Stopped => 3,
+        };
+        let states = self.lock().iter().map(|(state, _)| state.clone()).collect::<Vec<_>>();
+        states.into_iter().min_by_key(rank).expect("there is a worker")
     }
 
-    /// The devices that the worker has opened.
+    /// The devices that workers have opened, the preferred ones first; the CPU, which all have, once.
     pub fn devices(&self) -> Vec<Backend> {
-        self.devices.lock().expect("no code panics while it holds this lock").clone()
+        let mut devices: Vec<Backend> = self.lock().iter().flat_map(|(_, devices)| devices.clone()).collect();
+        devices.sort_by_key(|device| device.kind == "cpu");
+        let gpus = devices.iter().filter(|device| device.kind != "cpu").count();
+        devices.truncate(gpus + 1);
+        devices
     }
 
-    fn set_devices(&self, devices: Vec<Backend>) {
-        *self.devices.lock().expect("no code panics while it holds this lock") = devices;
+    fn lock(&self) -> MutexGuard<'_, Vec<(DeviceState, Vec<Backend>)>> {
+        self.devices.lock().expect("no code panics while it holds this lock")
+    }
+
+    fn set_devices(&self, worker: usize, devices: Vec<Backend>) {
+        self.lock()[worker].1 = devices;
     }
 
     fn stopping(&self) -> bool {
@@ -132,7 +147,7 @@ impl Shared {
         self.stop.get().is_some_and(|since| since.elapsed() > GRACE)
     }
 
-    fn set_device(&self, state: DeviceState) {
-        *self.device.lock().expect("no code panics while it holds this lock") = state;
+    fn set_device(&self, worker: usize, state: DeviceState) {
+        self.lock()[worker].0 = state;
     }
 }

@@ -1,4 +1,4 @@
-//! The worker: one thread that owns the devices and runs one job after the other.
+//! The workers: threads that own devices, and run one job after the other.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -33,45 +33,47 @@ impl Default for Settings {
     }
 }
 
-/// A running worker.
+/// The running workers of a server.
 #[derive(Debug)]
-pub struct Worker {
+pub struct Workers {
     shared: Arc<Shared>,
-    thread: JoinHandle<()>,
+    threads: Vec<JoinHandle<()>>,
 }
 
-impl Worker {
-    /// Cleans up what the previous server left behind, then starts taking jobs. Call inside a tokio
-    /// runtime.
+impl Workers {
+    /// Cleans up what the previous server left behind, then starts taking jobs, with a worker for each
+    /// of `open`. Call inside a tokio runtime.
     pub async fn start(
         store: JobStore,
         data: Arc<DataDir>,
         settings: Settings,
-        open: OpenDevices,
+        open: Vec<OpenDevices>,
     ) -> Result<Self, StoreError> {
         let owner = data.owner()?;
         recover(&store, &data, &owner).await?;
-        let shared = Arc::new(Shared::default());
+        let shared = Arc::new(Shared::new(open.len()));
         let context = Context { store, data, owner, settings, shared: shared.clone(), runtime: Handle::current() };
-        let thread = std::thread::Builder::new()
-            .name("worker".into())
-            .spawn(move || context.work(open))
-            .expect("the system has room for one more thread");
-        Ok(Self { shared, thread })
+        let start = |(worker, open): (usize, OpenDevices)| {
+            let context = context.clone();
+            let thread = std::thread::Builder::new().name(format!("worker {worker}"));
+            thread.spawn(move || context.work(worker, open)).expect("the system has room for one more thread")
+        };
+        let threads = open.into_iter().enumerate().map(start).collect();
+        Ok(Self { shared, threads })
     }
 
     pub fn shared(&self) -> Arc<Shared> {
         self.shared.clone()
     }
 
-    /// Makes the worker put back the running job, and waits at most `patience` for it to end.
+    /// Makes the workers put back their jobs, and waits at most `patience` for them to end.
     pub async fn stop(self, patience: Duration) {
         self.shared.stop();
-        let ended = tokio::task::spawn_blocking(move || self.thread.join());
-        match timeout(patience, ended).await {
-            Ok(Ok(Ok(()))) => {}
-            Ok(_) => tracing::error!("the worker panicked"),
-            Err(_) => tracing::warn!("the worker did not stop in time; its job counts as interrupted by a crash"),
+        let join = || self.threads.into_iter().map(JoinHandle::join).filter(Result::is_err).count();
+        match timeout(patience, tokio::task::spawn_blocking(join)).await {
+            Ok(Ok(0)) => {}
+            Ok(_) => tracing::error!("a worker panicked"),
+            Err(_) => tracing::warn!("a worker did not stop in time; its job counts as interrupted by a crash"),
         }
     }
 }
@@ -105,7 +107,8 @@ fn keep_partial_recording(files: &AttemptFiles) {
     }
 }
 
-/// Everything that the worker's thread needs.
+/// Everything that a worker's thread needs.
+#[derive(Clone)]
 pub(super) struct Context {
     pub store: JobStore,
     pub data: Arc<DataDir>,
@@ -121,15 +124,17 @@ impl Context {
         self.settings.limits
     }
 
-    fn work(self, open: OpenDevices) {
+    fn work(self, worker: usize, open: OpenDevices) {
         let mut devices: Option<Box<dyn EngineSource>> = None;
         while !self.shared.stopping() {
             let Some(source) = &devices else {
-                devices = self.open_devices(&open);
+                devices = self.open_devices(worker, &open);
                 continue;
             };
             match self.runtime.block_on(self.store.claim(&self.owner)) {
                 Ok(Some(claim)) => {
+                    // There may be a job for another worker, too.
+                    self.shared.wake();
                     if self.run(&claim, source.as_ref()) == Afterwards::ReopenDevices {
                         devices = None;
                     }
@@ -144,22 +149,23 @@ impl Context {
                 }
             }
         }
-        self.shared.set_device(DeviceState::Stopped);
+        self.shared.set_device(worker, DeviceState::Stopped);
+        self.shared.wake();
     }
 
-    fn open_devices(&self, open: &OpenDevices) -> Option<Box<dyn EngineSource>> {
-        self.shared.set_device(DeviceState::Opening);
+    fn open_devices(&self, worker: usize, open: &OpenDevices) -> Option<Box<dyn EngineSource>> {
+        self.shared.set_device(worker, DeviceState::Opening);
         let reason = match catch_unwind(AssertUnwindSafe(open)) {
             Ok(Ok(source)) => {
-                self.shared.set_devices(source.devices());
-                self.shared.set_device(DeviceState::Ready(source.describe()));
+                self.shared.set_devices(worker, source.devices());
+                self.shared.set_device(worker, DeviceState::Ready(source.describe()));
                 return Some(source);
             }
             Ok(Err(error)) => error.to_string(),
             Err(panic) => attempt::panic_message(panic.as_ref()),
         };
         tracing::error!(reason, "no device can be opened; jobs wait");
-        self.shared.set_device(DeviceState::Unusable(reason));
+        self.shared.set_device(worker, DeviceState::Unusable(reason));
         self.pause();
         None
     }
