@@ -108,6 +108,11 @@ fn dt_limits(setup: &Setup, limits: &[(f64, Bound)]) -> Vec<Limit> {
 
 /// Estimates the cost of a problem.
 pub fn estimate(problem: &Problem) -> Estimate {
+    // On a thread of the pool: see `problem_with`.
+    rayon::scope(|_| predict(problem))
+}
+
+fn predict(problem: &Problem) -> Estimate {
     let Problem { setup, particles } = problem;
     let (explicit, implicit) = (cost::explicit(setup, particles), cost::implicit(setup, particles));
     let chosen = if setup.integrator == Integrator::Implicit { &implicit } else { &explicit };

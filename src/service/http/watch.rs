@@ -79,16 +79,15 @@ async fn keep_looking(api: Api, id: Uuid, sender: watch::Sender<Seen>) {
             }
         }
         tokio::time::sleep(INTERVAL).await;
-        match look(&api, id).await {
-            Ok(view) => drop(sender.send_if_modified(|seen| {
+        // A look that failed was logged; the next one may succeed.
+        if let Ok(view) = look(&api, id).await {
+            sender.send_if_modified(|seen| {
                 let changed = seen.as_deref() != view.as_ref();
                 if changed {
                     *seen = view.map(Arc::new);
                 }
                 changed
-            })),
-            // It was logged; the next look may succeed.
-            Err(_) => {}
+            });
         }
     }
 }

@@ -1,10 +1,12 @@
 //! What the worker has done since the server started, for operators.
 
-use std::time::Duration;
+use std::sync::atomic::AtomicU64;
+use std::time::{Duration, SystemTime};
 
 use prometheus_client::encoding::{EncodeLabelSet, EncodeLabelValue, LabelValueEncoder};
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
+use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::Histogram;
 use prometheus_client::registry::{Registry, Unit};
 
@@ -23,9 +25,11 @@ pub struct Counters {
     pub particle_steps: Counter,
     /// Attempts whose job was taken from them.
     pub leases_lost: Counter,
+    /// When the last checkpoint was written (s since 1970).
+    checkpoint: Gauge<f64, AtomicU64>,
     queue_wait: Histogram,
     attempts: Family<StatusLabel, Histogram, fn() -> Histogram>,
-    stages: Family<StageLabel, Counter<f64, std::sync::atomic::AtomicU64>>,
+    stages: Family<StageLabel, Counter<f64, AtomicU64>>,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
@@ -52,6 +56,7 @@ impl Default for Counters {
             steps: Counter::default(),
             particle_steps: Counter::default(),
             leases_lost: Counter::default(),
+            checkpoint: Gauge::default(),
             queue_wait: Histogram::new(BOUNDS_S),
             attempts: Family::new_with_constructor(|| Histogram::new(BOUNDS_S)),
             stages: Family::default(),
@@ -67,12 +72,20 @@ impl Counters {
         registry.register("steps", "Sub-steps done", self.steps.clone());
         registry.register("particle_steps", "Particles times sub-steps done", self.particle_steps.clone());
         registry.register("leases_lost", "Attempts whose job was taken from them", self.leases_lost.clone());
+        let checkpoint = "When the last checkpoint was written, since 1970; 0 before the first";
+        registry.register_with_unit("last_checkpoint_timestamp", checkpoint, Unit::Seconds, self.checkpoint.clone());
         let wait = "Time from a job's acceptance to its first attempt";
         registry.register_with_unit("queue_wait", wait, Unit::Seconds, self.queue_wait.clone());
         let length = "Wall time of attempts, by the status in which they left the job";
         registry.register_with_unit("attempt_duration", length, Unit::Seconds, self.attempts.clone());
         let stages = "Wall time by stage: validate (in requests), load, simulate (with recording)";
         registry.register_with_unit("stage", stages, Unit::Seconds, self.stages.clone());
+    }
+
+    /// A checkpoint was written now.
+    pub fn checkpointed(&self) {
+        let since = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
+        self.checkpoint.set(since.as_secs_f64());
     }
 
     pub fn waited(&self, wait: Duration) {

@@ -173,6 +173,7 @@ impl Observer for Follower<'_> {
 
     fn checkpointed(&self, frame: u64) {
         self.settle();
+        self.context.shared.counters.checkpointed();
         let Claim { id, attempt, .. } = *self.claim;
         match self.context.runtime.block_on(self.context.store.checkpointed(id, attempt, frame)) {
             Ok(true) => {}

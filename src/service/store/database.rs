@@ -126,7 +126,7 @@ impl Database {
 fn place(options: &AnyConnectOptions) -> String {
     let url = &options.database_url;
     // A password with an unescaped `/` or `?` ends up behind the host.
-    let plain = !url.as_str().split_once("://").is_some_and(|(_, rest)| rest.matches('@').count() > 1)
+    let plain = url.as_str().split_once("://").is_none_or(|(_, rest)| rest.matches('@').count() <= 1)
         && !url.path().contains('@')
         && !url.query().unwrap_or_default().contains('@');
     match (plain, url.host_str()) {

@@ -263,6 +263,7 @@ fn metrics_count_jobs_without_naming_them() {
         "gridfall_queue_wait_seconds_count 1",
         "gridfall_attempt_duration_seconds_count{status=\"succeeded\"} 1",
         "gridfall_leases_lost_total 0",
+        "gridfall_last_checkpoint_timestamp_seconds ",
         "gridfall_stage_seconds_total{stage=\"validate\"}",
         "gridfall_stage_seconds_total{stage=\"load\"}",
         "gridfall_stage_seconds_total{stage=\"simulate\"}",
