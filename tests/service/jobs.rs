@@ -125,10 +125,12 @@ struct Bench {
 
 impl Bench {
     async fn start(fates: &[Fate], failed_openings: usize) -> Self {
-        Self::start_workers(1, fates, failed_openings).await
+        // No checkpoint, however slow the machine.
+        let settings = Settings { checkpoint_every: Duration::from_secs(3600), ..Settings::default() };
+        Self::start_workers(1, settings, fates, failed_openings).await
     }
 
-    async fn start_workers(workers: usize, fates: &[Fate], failed_openings: usize) -> Self {
+    async fn start_workers(workers: usize, settings: Settings, fates: &[Fate], failed_openings: usize) -> Self {
         let dir = tempfile::tempdir().unwrap();
         let data = Arc::new(DataDir::open(dir.path()).unwrap());
         let store = JobStore::open(&data.database()).await.unwrap();
@@ -143,7 +145,7 @@ impl Bench {
             })
         };
         let open = (0..workers).map(|_| open()).collect();
-        let workers = Workers::start(store.clone(), data.clone(), Settings::default(), open).await.unwrap();
+        let workers = Workers::start(store.clone(), data.clone(), settings, open).await.unwrap();
         Self { _dir: dir, data, store, workers, opened }
     }
 
@@ -236,10 +238,23 @@ async fn a_job_is_tried_again_after_a_lost_device_and_given_up_when_that_never_e
     bench.workers.stop(Duration::from_secs(60)).await;
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_goes_on_from_its_checkpoint_after_a_lost_device() {
+    let settings = Settings { checkpoint_every: Duration::ZERO, ..Settings::default() };
+    let bench = Bench::start_workers(1, settings, &[Fate::LoseDevice, Fate::GoOn], 0).await;
+    let job = bench.ended(bench.submit().await).await;
+    assert_eq!((job.status, job.attempt), (Status::Succeeded, 2));
+    let files = bench.data.job(job.id);
+    assert_eq!(frames(&files.attempt(2).recording()), 4);
+    let log = std::fs::read_to_string(files.log()).unwrap();
+    assert!(log.contains("attempt 2 runs after frame 1"), "{log}");
+    bench.workers.stop(Duration::from_secs(60)).await;
+}
+
 /// Each job waits for the other to be loaded.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_server_runs_a_job_on_each_of_its_devices_at_a_time() {
-    let bench = Bench::start_workers(2, &[Fate::Meet], 0).await;
+    let bench = Bench::start_workers(2, Settings::default(), &[Fate::Meet], 0).await;
     let jobs = [bench.submit().await, bench.submit().await];
     for job in jobs {
         let job = bench.ended(job).await;
