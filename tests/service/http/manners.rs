@@ -106,6 +106,7 @@ fn pages_of_configured_origins_may_use_the_api_and_others_may_change_nothing() {
         assert_eq!((answer.status, &answer.json()["code"]), (403, &json!(code)), "{headers:?}");
         assert!(answer.json()["detail"].as_str().unwrap().contains("--"), "a remedy");
     }
+    server.wait_for(&job, "running");
     let own = [("host", "sim.example"), ("origin", "https://sim.example")];
     assert_eq!(server.call("POST", &cancel, &own, "").status, 202);
     server.wait_for(&job, "canceled");
