@@ -20,19 +20,23 @@ use gridfall_scene as scene;
 pub struct SubmitJob {
     /// The scene document; its JSON Schema is at `/v1/schema/scene`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Object>)]
+    #[schema(value_type = Option<Scene>)]
     pub scene: Option<serde_json::Value>,
     /// Instead of `scene`: the id of one that was kept (`POST /v1/scenes`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene_id: Option<String>,
     /// Name of the job; the scene's by default.
-    #[schema(max_length = 200)]
+    #[schema(min_length = 1, max_length = 200)]
     pub name: Option<String>,
     /// Values that replace those of the scene, by path.
     #[serde(default)]
     #[schema(example = json!({"solver.kernel": "quadratic"}))]
     pub overrides: BTreeMap<String, serde_json::Value>,
 }
+
+/// Described by the scene's own schema.
+#[derive(ToSchema)]
+pub struct Scene {}
 
 /// A job.
 #[derive(Debug, Serialize, ToSchema)]
@@ -161,7 +165,7 @@ pub struct AssetList {
 #[serde(deny_unknown_fields)]
 pub struct KeepScene {
     /// The scene document; its JSON Schema is at `/v1/schema/scene`.
-    #[schema(value_type = Object)]
+    #[schema(value_type = Scene)]
     pub scene: serde_json::Value,
 }
 
@@ -205,23 +209,19 @@ pub struct JobList {
     pub next_cursor: Option<String>,
 }
 
-/// How to write diagnostics.
-#[derive(Debug, Deserialize, IntoParams)]
+/// How to write diagnostics. Not in the document, which has a path for each: clients that are
+/// generated get one type from one path.
+#[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
 pub struct DiagnosticsQuery {
-    /// `json` by default.
-    #[param(inline)]
     #[serde(default)]
     pub format: DiagnosticsFormat,
-    /// `frame` by default.
-    #[param(inline)]
     #[serde(default)]
     pub per: DiagnosticsPer,
 }
 
 /// What a row of diagnostics is of.
-#[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DiagnosticsPer {
     /// A frame: energies, momenta and extremes.
@@ -231,7 +231,7 @@ pub enum DiagnosticsPer {
     Step,
 }
 
-#[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DiagnosticsFormat {
     #[default]
@@ -239,13 +239,33 @@ pub enum DiagnosticsFormat {
     Csv,
 }
 
-/// The diagnostics of the frames, or of the implicit steps, so far.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct Diagnostics {
-    /// One object a frame, frame 0 included, or a step; keys as the columns of the CSV.
-    #[schema(value_type = Vec<Object>)]
+/// Rows of a table, one object each.
+#[derive(Debug, Serialize)]
+pub struct Rows {
     pub rows: Vec<serde_json::Value>,
 }
+
+/// The diagnostics of the frames so far, frame 0 included.
+#[derive(ToSchema)]
+#[expect(dead_code, reason = "describes `Rows` to clients")]
+pub struct Diagnostics {
+    pub rows: Vec<FrameRow>,
+}
+
+/// The steps of the implicit integrator so far.
+#[derive(ToSchema)]
+#[expect(dead_code, reason = "describes `Rows` to clients")]
+pub struct SolverSteps {
+    pub rows: Vec<StepRow>,
+}
+
+/// Described in `openapi::rows`, by its columns.
+#[derive(ToSchema)]
+pub struct FrameRow {}
+
+/// Described in `openapi::rows`, by its columns.
+#[derive(ToSchema)]
+pub struct StepRow {}
 
 /// A scene found valid, and what it costs.
 #[derive(Debug, Serialize, ToSchema)]
@@ -386,7 +406,7 @@ pub struct Check {
 /// An error (RFC 9457).
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Problem {
-    /// `urn:gridfall:problem:` and the code.
+    /// Where the code is explained, on the same server: `/docs/errors#` and the code.
     #[serde(rename = "type")]
     pub kind: String,
     pub title: &'static str,

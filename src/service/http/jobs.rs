@@ -23,7 +23,7 @@ const MAX_NAME_CHARS: usize = 200;
 const IDEMPOTENCY_KEY: &str = "idempotency-key";
 
 /// Submits a scene. It is judged before it is accepted: all its faults come back at once.
-#[utoipa::path(post, path = "/v1/jobs", tag = "jobs",
+#[utoipa::path(post, path = "/v1/jobs", tag = "jobs", operation_id = "submit_job",
     params(("Idempotency-Key" = Option<String>, Header,
         description = "1 to 255 printable characters of your choice. \
             A request repeated under the same key is accepted once.")),
@@ -47,7 +47,8 @@ pub async fn submit(
     require_space(&api)?;
     let idempotency_key = headers.get(IDEMPOTENCY_KEY).map(idempotency_key).transpose()?;
     let request_sha256 = sha256_hex(&serde_json::to_vec(&request).map_err(internal)?);
-    let name = request.name.clone().map(valid_name).transpose()?;
+    let name = request.name.clone();
+    name.as_deref().map(check_name).transpose()?;
     let new = judge(&api, request, room, move |admitted| NewJob {
         name: name.unwrap_or(admitted.scene.name),
         scene: admitted.document,
@@ -86,20 +87,22 @@ fn idempotency_key(value: &HeaderValue) -> Result<String, Problem> {
     }
 }
 
-fn valid_name(name: String) -> Result<String, Problem> {
+/// Judges the name that a request gives its job.
+pub fn check_name(name: &str) -> Result<(), Problem> {
     if name.trim().is_empty() || name.chars().count() > MAX_NAME_CHARS {
         let detail = format!("/name: a name has 1 to {MAX_NAME_CHARS} characters; leave it out to use the scene's");
         return Err(Problem::new(Code::InvalidRequest, detail));
     }
-    if let Some(code) = hidden(&name) {
+    if let Some(code) = hidden(name) {
         let detail = format!("/name: has the character {code}, which controls terminals, lines or text; take it out");
         return Err(Problem::new(Code::InvalidRequest, detail));
     }
-    Ok(name)
+    Ok(())
 }
 
 /// Lists jobs, newest first.
-#[utoipa::path(get, path = "/v1/jobs", tag = "jobs", params(ListJobs), responses((status = 200, body = JobList)))]
+#[utoipa::path(get, path = "/v1/jobs", tag = "jobs", operation_id = "list_jobs",
+    params(ListJobs), responses((status = 200, body = JobList)))]
 pub async fn list(State(api): State<Api>, Query(query): Query<ListJobs>) -> Result<Json<JobList>, Problem> {
     let limit = query.limit.unwrap_or(50);
     if !(1..=200).contains(&limit) {
@@ -117,7 +120,7 @@ pub async fn list(State(api): State<Api>, Query(query): Query<ListJobs>) -> Resu
 }
 
 /// A job as it stands. `ETag` and `If-None-Match` make looking again cheap.
-#[utoipa::path(get, path = "/v1/jobs/{id}", tag = "jobs",
+#[utoipa::path(get, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "get_job",
     params(
         ("id" = Uuid, Path),
         ("If-None-Match" = Option<String>, Header, description = "`ETag` of an earlier answer"),
@@ -181,7 +184,7 @@ async fn require(api: &Api, id: Uuid, headers: &HeaderMap) -> Result<(), Problem
 
 /// Cancels a job. A queued one ends at once; a running one stops within about a second and keeps its recording so far;
 /// nothing happens to one that has ended.
-#[utoipa::path(post, path = "/v1/jobs/{id}/cancel", tag = "jobs",
+#[utoipa::path(post, path = "/v1/jobs/{id}/cancel", tag = "jobs", operation_id = "cancel_job",
     params(
         ("id" = Uuid, Path),
         ("If-Match" = Option<String>, Header, description = "`ETag` of the version to cancel; 412 for another one"),
@@ -203,7 +206,7 @@ pub async fn cancel(
 }
 
 /// Deletes a job that has ended, and its files. Cancel a queued or running one first.
-#[utoipa::path(delete, path = "/v1/jobs/{id}", tag = "jobs",
+#[utoipa::path(delete, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "delete_job",
     params(
         ("id" = Uuid, Path),
         ("If-Match" = Option<String>, Header, description = "`ETag` of the version to delete; 412 for another one"),

@@ -5,6 +5,7 @@ mod conditional;
 mod connections;
 mod cors;
 mod devices;
+mod docs;
 mod dto;
 mod encoding;
 mod events;
@@ -27,6 +28,7 @@ mod server;
 mod state;
 mod watch;
 
+pub use docs::markdown as error_codes;
 pub use openapi::{document, document_json};
 pub use router::router;
 pub use server::{Options, ServeError, serve};
