@@ -1,4 +1,5 @@
-//! The scene document (`"gridfall": 1`): serde types and the source of `api/scene.schema.json`, which `contract` makes of them.
+//! The scene document (`"gridfall": 1`): serde types and the source of `api/scene.schema.json`, which
+//! `contract` makes of them.
 //!
 //! SI units, z up, unknown fields refused. Vectors have as many components as the scene has
 //! dimensions. These types say what a scene may *look* like; `validate` decides whether it makes

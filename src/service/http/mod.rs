@@ -26,6 +26,7 @@ mod router;
 mod scenes;
 mod server;
 mod state;
+mod tables;
 mod watch;
 
 pub use docs::markdown as error_codes;

@@ -14,15 +14,14 @@ use tokio_util::io::ReaderStream;
 use uuid::Uuid;
 
 use super::conditional::Version;
-use super::dto::{
-    self, Diagnostics, DiagnosticsFormat, DiagnosticsPer, DiagnosticsQuery, RecordingQuery, Rows, SolverSteps,
-};
+use super::dto::{self, RecordingQuery};
 use super::extract::{JobId, Query};
 use super::follow::follow;
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::range::{Selection, select};
 use super::state::Api;
+use super::tables::{Diagnostics, DiagnosticsFormat, DiagnosticsPer, DiagnosticsQuery, Rows, SolverSteps};
 use crate::store::{AttemptFiles, Status};
 use gridfall_recording::{self as recording, RecordingError};
 
@@ -78,7 +77,8 @@ pub async fn recording(
         return Err(missing("recording", status));
     }
     let detail = format!(
-        "the job runs, and its recording is not complete; GET /v1/jobs/{id}/recording-so-far.mcap for the frames so far, or this with ?follow=true to receive it as it grows"
+        "the job runs, and its recording is not complete; GET /v1/jobs/{id}/recording-so-far.mcap for the frames so \
+         far, or this with ?follow=true to receive it as it grows"
     );
     Err(Problem::new(Code::JobNotFinished, detail))
 }

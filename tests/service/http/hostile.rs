@@ -150,7 +150,7 @@ fn values() -> Vec<(&'static str, Value)> {
             shape,
             json!({ "shell": { "thickness": 1e-12, "shape": { "sphere": { "center": [0.5, 0.5], "radius": 0.2 } } } }),
         ),
-        (shape, json!({ "heightfield": { "min": [0], "max": [1], "base": 0, "heights": [(0..3000).collect::<Vec<_>>()] } })),
+        (shape, json!({ "heightfield": { "min": [0], "max": [1], "base": 0, "heights": [[0]] } })),
         (shape, json!({ "heightfield": { "min": [0], "max": [1], "base": 0, "heights": [] } })),
         (shape, json!({ "mesh": { "file": "/etc/passwd" } })),
         (shape, json!({ "mesh": { "asset": "sha256:../.." } })),

@@ -11,12 +11,12 @@ pub fn of(code: Code) -> &'static str {
         Code::InvalidQuery => "`detail` names the parameter. Correct it, or leave it out.",
         Code::InvalidHeader => "`detail` names the header and its form. Correct it, or leave it out.",
         Code::ForeignOrigin => {
-            "A browser sent this for a page of another origin. Name that origin to the server if it may change things \
-             here (`gridfall serve --help`)."
+            "A browser sent this for a page of another origin. Name that origin to the server if it may change \
+             things here: `gridfall serve --cors-origin`."
         }
         Code::UnknownHost => {
-            "The header `Host` has a name that the server was not told of. Use its address, or tell it the name \
-             (`gridfall serve --help`)."
+            "The header `Host` has a name that the server was not told of. Use its address, or tell it the name: \
+             `gridfall serve --allow-host`."
         }
         Code::PreconditionFailed => "It has changed since the version in `If-Match`. Read it again, and decide anew.",
         Code::SceneNotFound => "No scene with this id was kept here. Send it with `POST /v1/scenes`.",

@@ -26,10 +26,12 @@ pub fn finish(mut document: Value) -> Value {
         let replaced = components.insert(name.clone(), component);
         assert!(replaced.is_none() || name == "Scene", "two schemas are called {name}");
     }
+    for request in ["SubmitJob", "KeepScene"] {
+        members(&mut components[request]["properties"]).for_each(not_null);
+    }
     for item in members(&mut document["paths"]) {
         for operation in members(item) {
             let parameters = operation.get_mut("parameters").and_then(Value::as_array_mut);
-            // What is left out is not null.
             parameters.into_iter().flatten().for_each(|parameter| not_null(&mut parameter["schema"]));
         }
     }
@@ -83,7 +85,13 @@ fn code() -> Value {
     })
 }
 
+/// In requests, what is left out is not null.
 fn not_null(schema: &mut Value) {
+    if let Some([value, null]) = schema["oneOf"].as_array().map(Vec::as_slice)
+        && null["type"] == "null"
+    {
+        *schema = value.clone();
+    }
     if let Some([kind, null]) = schema["type"].as_array().map(Vec::as_slice)
         && null == "null"
     {
