@@ -8,7 +8,7 @@ use super::CliError;
 use gridfall_scene as scene;
 use gridfall_service::http;
 
-/// Print the JSON Schema of scenes or the OpenAPI document of the server.
+/// Print the JSON Schema of scenes, the OpenAPI document of the server, or what its error codes mean (Markdown).
 #[derive(Debug, Args)]
 pub struct Arguments {
     #[arg(value_enum)]
@@ -19,12 +19,14 @@ pub struct Arguments {
 enum What {
     Scene,
     Openapi,
+    Errors,
 }
 
 pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let document = match arguments.what {
-        What::Scene => scene::schema::json_schema(),
+        What::Scene => scene::contract::json_schema(),
         What::Openapi => http::document_json(),
+        What::Errors => http::error_codes(),
     };
     match io::stdout().write_all(document.as_bytes()) {
         // A reader such as `head` may close the pipe early.

@@ -12,11 +12,12 @@
 //! sampling, grid, shape                              lattices, streams, signed distances
 //! resolve
 //! validate, build
-//! estimate
+//! contract, estimate
 //! ```
 
 pub mod assets;
 mod build;
+pub mod contract;
 mod document;
 pub mod estimate;
 mod fault;

@@ -66,6 +66,10 @@ fn check_value(node: &'static Value, value: &Value, at: &str, faults: &mut Fault
             };
             Some(items.iter().enumerate().map(item).collect())
         }
+        // JSON has no other mark of whole numbers: 8.0 is one.
+        Value::Number(number) if number.is_f64() && accepts_only_whole(node) => {
+            check_value(node, &whole(value)?, at, faults)
+        }
         Value::Number(number) if !in_range(node, number) => {
             let least = if node["minimum"] == 0 { "0" } else { "its least value" };
             faults.add(
@@ -227,12 +231,26 @@ fn accepts(node: &Value, value: &Value) -> bool {
     type_names(node).iter().any(|name| match *name {
         "null" => value.is_null(),
         "boolean" => value.is_boolean(),
-        "integer" => value.is_u64() || value.is_i64(),
+        "integer" => whole(value).is_some(),
         "number" => value.is_number(),
         "string" => value.is_string(),
         "array" => value.is_array(),
         _ => value.is_object(),
     })
+}
+
+fn accepts_only_whole(node: &Value) -> bool {
+    type_names(node).contains(&"integer")
+}
+
+/// A whole number as such, however it is written.
+fn whole(value: &Value) -> Option<Value> {
+    /// Below 2⁵³, all whole numbers are told apart.
+    const EXACT: f64 = 9007199254740992.0;
+    match value.as_f64().filter(|_| value.is_f64()) {
+        Some(x) => (x.fract() == 0.0 && x.abs() < EXACT).then(|| (x as i64).into()),
+        None => value.is_number().then(|| value.clone()),
+    }
 }
 
 fn in_range(node: &Value, number: &serde_json::Number) -> bool {

@@ -61,7 +61,7 @@ fn the_json_schema_in_the_repository_is_the_one_of_the_code() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("api/scene.schema.json");
     let stored = std::fs::read_to_string(&path).unwrap_or_default();
     assert!(
-        stored == scene::schema::json_schema(),
+        stored == scene::contract::json_schema(),
         "run `gridfall schema scene > api/scene.schema.json` and commit the result"
     );
 }

@@ -11,5 +11,6 @@ mod mended;
 mod meshes;
 mod plausible;
 mod points;
+mod schema;
 mod shapes;
 mod sheets;

@@ -42,6 +42,7 @@ pub const SCENE: &[Layer] = &[
         &["names", "schema", "fault", "limits", "suggest", "vectors", "memory", "sampling", "grid", "shape", "resolve"],
     ),
     ("build", &["schema", "vectors", "grid", "shape", "resolve"]),
+    ("contract", &["structure", "validate"]),
     ("estimate", &["memory"]),
 ];
 

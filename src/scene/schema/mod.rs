@@ -1,4 +1,5 @@
-//! The scene document (`"gridfall": 1`): serde types and the source of `api/scene.schema.json`.
+//! The scene document (`"gridfall": 1`): serde types and the source of `api/scene.schema.json`, which
+//! `contract` makes of them.
 //!
 //! SI units, z up, unknown fields refused. Vectors have as many components as the scene has
 //! dimensions. These types say what a scene may *look* like; `validate` decides whether it makes
@@ -20,9 +21,3 @@ pub use scene::{Boundary, Domain, Output, Periodic, Scene, Solver, Time, WallCon
 pub use shape::{Fill, Shape};
 pub use source::Source;
 pub use vector::{Matrix, Vector};
-
-/// The JSON Schema of scenes, pretty-printed: what `api/scene.schema.json` holds.
-pub fn json_schema() -> String {
-    let schema = schemars::schema_for!(Scene);
-    serde_json::to_string_pretty(&schema).expect("a schema is plain data") + "\n"
-}

@@ -17,6 +17,9 @@ use super::vector::Vector;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
+    /// Where the JSON Schema is, for editors; nothing depends on it.
+    #[serde(rename = "$schema", default, skip_serializing_if = "Option::is_none")]
+    pub schema: Option<String>,
     /// Version of the scene format; 1.
     pub gridfall: u32,
     pub name: String,

@@ -16,6 +16,9 @@ use crate::shape;
 use crate::suggest::{closest, list, quote};
 use crate::validate::plausible::{LARGEST, SMALLEST};
 
+/// Most characters of a name.
+pub const MAX_NAME: usize = 200;
+
 /// The validation of a scene in progress.
 pub struct Check<'a> {
     pub scene: &'a Scene,
@@ -69,8 +72,8 @@ impl Check<'_> {
     pub fn name(&mut self, at: &str, name: &str) {
         if name.trim().is_empty() {
             self.fault(at, "empty", "the name is empty", "give it a name");
-        } else if name.chars().count() > 200 {
-            self.fault(at, "too_long", "the name is longer than 200 characters", "shorten it");
+        } else if name.chars().count() > MAX_NAME {
+            self.fault(at, "too_long", format!("the name is longer than {MAX_NAME} characters"), "shorten it");
         }
         self.legible(at, name);
     }

@@ -6,7 +6,7 @@ mod check;
 mod domain;
 mod material;
 mod motion;
-mod plausible;
+pub(crate) mod plausible;
 mod points;
 mod shape;
 mod solver;
@@ -18,16 +18,18 @@ use crate::resolve::Resolved;
 use crate::schema::{Output, Scene, Time};
 use bodies::check_bodies;
 use check::Check;
+pub(crate) use check::MAX_NAME;
 use domain::check_domain;
 use material::check_material;
 use motion::check_colliders;
 use plausible::{END, GRAVITY};
 use solver::check_solver;
+pub(crate) use solver::{MAX_ERROR, MAX_LEVELS};
 
 /// Most frames of one run.
 const MAX_FRAMES: f64 = 100_000.0;
 /// Most points of a recorded frame.
-const MAX_PREVIEW_POINTS: u32 = 100_000_000;
+pub(crate) const MAX_PREVIEW_POINTS: u32 = 100_000_000;
 
 /// Judges a scene of sound structure. Parts that depend on its dimension are judged only if that is
 /// valid.
@@ -45,6 +47,9 @@ pub(crate) fn check(scene: &Scene, resolved: &Resolved, limits: &Limits, faults:
     }
     let check = &mut Check { scene, resolved, dimension: scene.dimension as usize, limits, faults, work: 0 };
     check.name("/name", &scene.name);
+    if let Some(text) = &scene.schema {
+        check.legible("/$schema", text);
+    }
     if let Some(text) = &scene.description {
         check.legible("/description", &text.replace(['\n', '\r', '\t'], " "));
     }

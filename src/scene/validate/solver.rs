@@ -9,10 +9,10 @@ use crate::validate::check::Check;
 use crate::validate::shape::sheet_in;
 
 /// Largest tolerances. Beyond them, the error of a step's velocities may be as large as their change.
-const MAX_ERROR: f64 = 1e-1;
+pub const MAX_ERROR: f64 = 1e-1;
 const MAX_CHARACTERISTIC: f64 = 1e-2;
 /// Most levels: each has half the nodes along an axis, and no axis has more than 2¹⁶ cells.
-const MAX_LEVELS: u32 = 10;
+pub const MAX_LEVELS: u32 = 10;
 
 /// Judges the solver's settings.
 pub fn check_solver(check: &mut Check, solver: &Solver) {

@@ -18,7 +18,7 @@ use gridfall_scene::assets::examine;
 /// Uploads a mesh (STL, OBJ, PLY or glTF in one file) or particles (PLY or npz). Its id is that of
 /// its bytes: the same file twice is one asset. Scenes name it as
 /// `{"mesh": {"asset": "sha256:…"}}` or a body's `"points": {"asset": "sha256:…"}`.
-#[utoipa::path(put, path = "/v1/assets", tag = "assets",
+#[utoipa::path(put, path = "/v1/assets", tag = "assets", operation_id = "upload_asset",
     request_body(content = dto::Bytes, content_type = "application/octet-stream"),
     responses(
         (status = 200, body = Asset, description = "It was there already"),
@@ -45,7 +45,8 @@ pub async fn put(State(api): State<Api>, AssetBody(bytes, room): AssetBody) -> R
 }
 
 /// Lists all assets, by id.
-#[utoipa::path(get, path = "/v1/assets", tag = "assets", responses((status = 200, body = AssetList)))]
+#[utoipa::path(get, path = "/v1/assets", tag = "assets", operation_id = "list_assets",
+    responses((status = 200, body = AssetList)))]
 pub async fn list(State(api): State<Api>) -> Result<Json<AssetList>, Problem> {
     let files = api.data.assets();
     let assets = tokio::task::spawn_blocking(move || files.list()).await.map_err(internal)??;
@@ -53,8 +54,10 @@ pub async fn list(State(api): State<Api>) -> Result<Json<AssetList>, Problem> {
 }
 
 /// The bytes of an asset.
-#[utoipa::path(get, path = "/v1/assets/{id}", tag = "assets",
-    params(("id" = String, Path, description = "`sha256:` and 64 hexadecimal digits")),
+#[utoipa::path(get, path = "/v1/assets/{id}", tag = "assets", operation_id = "get_asset",
+    params(("id" = String, Path, description = "`sha256:` and 64 hexadecimal digits",
+        pattern = "^sha256:[0-9A-Fa-f]{64}$",
+        example = "sha256:2c26b46b68ffc68ff99b453c1d30413413422d706483bfa0f98a5e886266e7ae")),
     responses(
         (status = 200, content_type = "application/octet-stream", body = dto::Bytes,
             headers(("ETag" = String), ("Accept-Ranges" = String))),

@@ -20,13 +20,13 @@ use gridfall_scene as scene;
 pub struct SubmitJob {
     /// The scene document; its JSON Schema is at `/v1/schema/scene`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Object>)]
+    #[schema(value_type = Option<Scene>)]
     pub scene: Option<serde_json::Value>,
     /// Instead of `scene`: the id of one that was kept (`POST /v1/scenes`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene_id: Option<String>,
     /// Name of the job; the scene's by default.
-    #[schema(max_length = 200)]
+    #[schema(min_length = 1, max_length = 200)]
     pub name: Option<String>,
     /// Values that replace those of the scene, by path.
     #[serde(default)]
@@ -73,6 +73,10 @@ pub struct RerunJob {
     /// Largest estimated wall time (s) that is accepted.
     pub max_cost: Option<f64>,
 }
+
+/// Described by the scene's own schema.
+#[derive(ToSchema)]
+pub struct Scene {}
 
 /// A job.
 #[derive(Debug, Serialize, ToSchema)]
@@ -215,7 +219,7 @@ pub struct AssetList {
 #[serde(deny_unknown_fields)]
 pub struct KeepScene {
     /// The scene document; its JSON Schema is at `/v1/schema/scene`.
-    #[schema(value_type = Object)]
+    #[schema(value_type = Scene)]
     pub scene: serde_json::Value,
 }
 
@@ -242,48 +246,6 @@ pub struct JobList {
     /// Asks for the next page; null on the last one.
     #[schema(required)]
     pub next_cursor: Option<String>,
-}
-
-/// How to write diagnostics.
-#[derive(Debug, Deserialize, IntoParams)]
-#[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
-pub struct DiagnosticsQuery {
-    /// `json` by default.
-    #[param(inline)]
-    #[serde(default)]
-    pub format: DiagnosticsFormat,
-    /// `frame` by default.
-    #[param(inline)]
-    #[serde(default)]
-    pub per: DiagnosticsPer,
-}
-
-/// What a row of diagnostics is of.
-#[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum DiagnosticsPer {
-    /// A frame: energies, momenta and extremes.
-    #[default]
-    Frame,
-    /// A step of the implicit integrator: iterations and residual.
-    Step,
-}
-
-#[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum DiagnosticsFormat {
-    #[default]
-    Json,
-    Csv,
-}
-
-/// The diagnostics of the frames, or of the implicit steps, so far.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct Diagnostics {
-    /// One object a frame, frame 0 included, or a step; keys as the columns of the CSV.
-    #[schema(value_type = Vec<Object>)]
-    pub rows: Vec<serde_json::Value>,
 }
 
 /// A scene found valid, and what it costs.
@@ -425,7 +387,7 @@ pub struct Check {
 /// An error (RFC 9457).
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Problem {
-    /// `urn:gridfall:problem:` and the code.
+    /// Where the code is explained, on the same server: `/docs/errors#` and the code.
     #[serde(rename = "type")]
     pub kind: String,
     pub title: &'static str,

@@ -9,7 +9,8 @@ use super::state::Api;
 use crate::jobs::DeviceState;
 
 /// Is the process alive? Touches nothing.
-#[utoipa::path(get, path = "/livez", tag = "health", responses((status = 200, body = Live)))]
+#[utoipa::path(get, path = "/livez", tag = "health", operation_id = "get_liveness",
+    responses((status = 200, body = Live)))]
 pub async fn livez() -> Json<Live> {
     Json(Live { status: "live", version: env!("CARGO_PKG_VERSION") })
 }
@@ -35,7 +36,7 @@ pub fn require_space(api: &Api) -> Result<(), Problem> {
 }
 
 /// Can the server take and run jobs, and if not, why?
-#[utoipa::path(get, path = "/readyz", tag = "health", responses(
+#[utoipa::path(get, path = "/readyz", tag = "health", operation_id = "get_readiness", responses(
     (status = 200, body = Ready),
     (status = 503, body = super::dto::Problem, content_type = "application/problem+json",
         description = "`not_ready`, with all `checks`"),

@@ -3,7 +3,8 @@
 use axum::response::Html;
 
 /// A page of links.
-#[utoipa::path(get, path = "/", tag = "meta", responses((status = 200, body = String, content_type = "text/html")))]
+#[utoipa::path(get, path = "/", tag = "meta", operation_id = "get_page",
+    responses((status = 200, body = String, content_type = "text/html")))]
 pub async fn index() -> Html<&'static str> {
     Html(include_str!("index.html"))
 }

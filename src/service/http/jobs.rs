@@ -21,7 +21,7 @@ use crate::store::{Deletion, Status};
 const IDEMPOTENCY_KEY: &str = "idempotency-key";
 
 /// Submits a scene. It is judged before it is accepted: all its faults come back at once.
-#[utoipa::path(post, path = "/v1/jobs", tag = "jobs",
+#[utoipa::path(post, path = "/v1/jobs", tag = "jobs", operation_id = "submit_job",
     params(("Idempotency-Key" = Option<String>, Header,
         description = "1 to 255 printable characters of your choice. \
             A request repeated under the same key is accepted once.")),
@@ -56,7 +56,8 @@ pub async fn submit(
 }
 
 /// Runs the scene of a job again, as a new job.
-#[utoipa::path(post, path = "/v1/jobs/{id}/rerun", tag = "jobs", params(("id" = Uuid, Path)), request_body = RerunJob,
+#[utoipa::path(post, path = "/v1/jobs/{id}/rerun", tag = "jobs", operation_id = "rerun_job",
+    params(("id" = Uuid, Path)), request_body = RerunJob,
     responses(
         (status = 202, body = dto::Job, headers(("Location" = String, description = "Path of the new job"))),
         (status = 422, body = dto::Problem, content_type = PROBLEM,
@@ -90,7 +91,8 @@ pub async fn rerun(
 }
 
 /// Lists jobs, newest first.
-#[utoipa::path(get, path = "/v1/jobs", tag = "jobs", params(ListJobs), responses((status = 200, body = JobList)))]
+#[utoipa::path(get, path = "/v1/jobs", tag = "jobs", operation_id = "list_jobs",
+    params(ListJobs), responses((status = 200, body = JobList)))]
 pub async fn list(State(api): State<Api>, Query(query): Query<ListJobs>) -> Result<Json<JobList>, Problem> {
     let limit = query.limit.unwrap_or(50);
     if !(1..=200).contains(&limit) {
@@ -108,7 +110,7 @@ pub async fn list(State(api): State<Api>, Query(query): Query<ListJobs>) -> Resu
 }
 
 /// A job as it stands. `ETag` and `If-None-Match` make looking again cheap.
-#[utoipa::path(get, path = "/v1/jobs/{id}", tag = "jobs",
+#[utoipa::path(get, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "get_job",
     params(
         ("id" = Uuid, Path),
         ("If-None-Match" = Option<String>, Header, description = "`ETag` of an earlier answer"),
@@ -172,7 +174,7 @@ async fn require(api: &Api, id: Uuid, headers: &HeaderMap) -> Result<(), Problem
 
 /// Cancels a job. A queued one ends at once; a running one stops within about a second and keeps its recording so far;
 /// nothing happens to one that has ended.
-#[utoipa::path(post, path = "/v1/jobs/{id}/cancel", tag = "jobs",
+#[utoipa::path(post, path = "/v1/jobs/{id}/cancel", tag = "jobs", operation_id = "cancel_job",
     params(
         ("id" = Uuid, Path),
         ("If-Match" = Option<String>, Header, description = "`ETag` of the version to cancel; 412 for another one"),
@@ -194,7 +196,7 @@ pub async fn cancel(
 }
 
 /// Deletes a job that has ended, and its files. Cancel a queued or running one first.
-#[utoipa::path(delete, path = "/v1/jobs/{id}", tag = "jobs",
+#[utoipa::path(delete, path = "/v1/jobs/{id}", tag = "jobs", operation_id = "delete_job",
     params(
         ("id" = Uuid, Path),
         ("If-Match" = Option<String>, Header, description = "`ETag` of the version to delete; 412 for another one"),

@@ -89,7 +89,7 @@ const PLAIN: &str = "text/plain; version=0.0.4; charset=utf-8";
 
 /// Counters and gauges in the Prometheus text format 0.0.4, or in OpenMetrics for clients that
 /// accept it.
-#[utoipa::path(get, path = "/metrics", tag = "health", responses(
+#[utoipa::path(get, path = "/metrics", tag = "health", operation_id = "get_metrics", responses(
     (status = 200, content(
         (String = "text/plain"),
         (String = "application/openmetrics-text"),

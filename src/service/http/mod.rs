@@ -5,6 +5,7 @@ mod conditional;
 mod connections;
 mod cors;
 mod devices;
+mod docs;
 mod dto;
 mod encoding;
 mod events;
@@ -28,8 +29,10 @@ mod scenes;
 mod server;
 mod state;
 mod submission;
+mod tables;
 mod watch;
 
+pub use docs::markdown as error_codes;
 pub use openapi::{document, document_json};
 pub use router::router;
 pub use server::{Options, ServeError, serve};

@@ -14,13 +14,14 @@ use tokio_util::io::ReaderStream;
 use uuid::Uuid;
 
 use super::conditional::Version;
-use super::dto::{self, Diagnostics, DiagnosticsFormat, DiagnosticsPer, DiagnosticsQuery, RecordingQuery};
+use super::dto::{self, RecordingQuery};
 use super::extract::{JobId, Query};
 use super::follow::follow;
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::range::{Selection, select};
 use super::state::Api;
+use super::tables::{Diagnostics, DiagnosticsFormat, DiagnosticsPer, DiagnosticsQuery, Rows, SolverSteps};
 use crate::store::{AttemptFiles, Status};
 use gridfall_recording::{self as recording, RecordingError};
 
@@ -29,7 +30,7 @@ const READ_BYTES: usize = 64 << 10;
 
 /// The recording (MCAP) of a job that has ended, by ranges if asked. Once there, it never changes,
 /// so a download may be resumed at any time. With `follow=true` it can be read while the job runs.
-#[utoipa::path(get, path = "/v1/jobs/{id}/recording.mcap", tag = "outputs",
+#[utoipa::path(get, path = "/v1/jobs/{id}/recording.mcap", tag = "outputs", operation_id = "get_recording",
     params(
         ("id" = Uuid, Path),
         RecordingQuery,
@@ -85,6 +86,7 @@ pub async fn recording(
 /// The frames so far of a running job, as a complete recording (MCAP); the recording itself once
 /// the job has ended. Each answer is a file of its own, so none can be resumed.
 #[utoipa::path(get, path = "/v1/jobs/{id}/recording-so-far.mcap", tag = "outputs",
+    operation_id = "get_recording_so_far",
     params(("id" = Uuid, Path)),
     responses(
         (status = 200, content_type = "application/octet-stream", body = dto::Bytes),
@@ -142,7 +144,7 @@ fn unresumable(body: Body, length: u64, name: &str) -> Response {
 }
 
 /// A picture of the last frame (PNG), once the job has ended.
-#[utoipa::path(get, path = "/v1/jobs/{id}/thumbnail.png", tag = "outputs",
+#[utoipa::path(get, path = "/v1/jobs/{id}/thumbnail.png", tag = "outputs", operation_id = "get_thumbnail",
     params(
         ("id" = Uuid, Path),
         ("If-None-Match" = Option<String>, Header, description = "`ETag` of an earlier answer"),
@@ -166,15 +168,12 @@ pub async fn thumbnail(
     file.send(&method, &headers).await?.ok_or_else(|| missing("thumbnail", status))
 }
 
-/// Energies, momenta, mass and time steps, one row per frame. With `per=step`: how the implicit
-/// integrator fared, one row per step (none for an explicit run). Of a running job: those so far.
-#[utoipa::path(get, path = "/v1/jobs/{id}/diagnostics", tag = "outputs",
-    params(("id" = Uuid, Path), DiagnosticsQuery),
+/// Energies, momenta, mass and time steps, one row per frame. Of a running job: those so far.
+#[utoipa::path(get, path = "/v1/jobs/{id}/diagnostics", tag = "outputs", operation_id = "get_diagnostics",
+    params(("id" = Uuid, Path)),
     responses(
-        (status = 200, content(
-            (Diagnostics = "application/json"),
-            (String = "text/csv"),
-        )),
+        (status = 200, body = Diagnostics),
+        (status = 400, body = dto::Problem, content_type = PROBLEM, description = "`invalid_path`, `invalid_query`"),
         (status = 404, body = dto::Problem, content_type = PROBLEM,
             description = "`job_not_found`, `output_not_found`"),
     ))]
@@ -183,8 +182,53 @@ pub async fn diagnostics(
     JobId(id): JobId,
     Query(query): Query<DiagnosticsQuery>,
 ) -> Result<Response, Problem> {
-    let (files, status) = find(&api, id).await?;
-    let path = match query.per {
+    let per = query.per;
+    match query.format {
+        DiagnosticsFormat::Json => Ok(Json(Rows { rows: rows(&table(&api, id, per).await?) }).into_response()),
+        DiagnosticsFormat::Csv => Ok(csv(table(&api, id, per).await?)),
+    }
+}
+
+/// The same as CSV, with a line of names first.
+#[utoipa::path(get, path = "/v1/jobs/{id}/diagnostics.csv", tag = "outputs", operation_id = "get_diagnostics_csv",
+    params(("id" = Uuid, Path)),
+    responses(
+        (status = 200, body = String, content_type = "text/csv"),
+        (status = 404, body = dto::Problem, content_type = PROBLEM,
+            description = "`job_not_found`, `output_not_found`"),
+    ))]
+pub async fn diagnostics_csv(State(api): State<Api>, JobId(id): JobId) -> Result<Response, Problem> {
+    Ok(csv(table(&api, id, DiagnosticsPer::Frame).await?))
+}
+
+/// How the implicit integrator fared, one row per step; none for an explicit run. Of a running job: those so far.
+#[utoipa::path(get, path = "/v1/jobs/{id}/solver", tag = "outputs", operation_id = "get_solver",
+    params(("id" = Uuid, Path)),
+    responses(
+        (status = 200, body = SolverSteps),
+        (status = 404, body = dto::Problem, content_type = PROBLEM,
+            description = "`job_not_found`, `output_not_found`"),
+    ))]
+pub async fn solver(State(api): State<Api>, JobId(id): JobId) -> Result<Response, Problem> {
+    Ok(Json(Rows { rows: rows(&table(&api, id, DiagnosticsPer::Step).await?) }).into_response())
+}
+
+/// The same as CSV, with a line of names first.
+#[utoipa::path(get, path = "/v1/jobs/{id}/solver.csv", tag = "outputs", operation_id = "get_solver_csv",
+    params(("id" = Uuid, Path)),
+    responses(
+        (status = 200, body = String, content_type = "text/csv"),
+        (status = 404, body = dto::Problem, content_type = PROBLEM,
+            description = "`job_not_found`, `output_not_found`"),
+    ))]
+pub async fn solver_csv(State(api): State<Api>, JobId(id): JobId) -> Result<Response, Problem> {
+    Ok(csv(table(&api, id, DiagnosticsPer::Step).await?))
+}
+
+/// The lines that a job has written so far.
+async fn table(api: &Api, id: Uuid, per: DiagnosticsPer) -> Result<String, Problem> {
+    let (files, status) = find(api, id).await?;
+    let path = match per {
         DiagnosticsPer::Frame => files.diagnostics(),
         DiagnosticsPer::Step => files.solver(),
     };
@@ -192,10 +236,11 @@ pub async fn diagnostics(
     let mut csv = csv.ok_or_else(|| missing("diagnostics", status))?;
     // A line that is still being written is not a row yet.
     csv.truncate(csv.rfind('\n').map_or(0, |end| end + 1));
-    Ok(match query.format {
-        DiagnosticsFormat::Csv => ([(header::CONTENT_TYPE, "text/csv; charset=utf-8")], csv).into_response(),
-        DiagnosticsFormat::Json => Json(Diagnostics { rows: rows(&csv) }).into_response(),
-    })
+    Ok(csv)
+}
+
+fn csv(lines: String) -> Response {
+    ([(header::CONTENT_TYPE, "text/csv; charset=utf-8")], lines).into_response()
 }
 
 /// Converts a CSV of numbers and flags to JSON. Anything that is neither a flag nor a finite number

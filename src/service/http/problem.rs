@@ -21,11 +21,13 @@ macro_rules! codes {
         }
 
         impl Code {
+            pub const ALL: &[Self] = &[$(Self::$name),+];
+
             pub fn status(self) -> StatusCode {
                 match self { $(Self::$name => StatusCode::$status,)+ }
             }
 
-            fn title(self) -> &'static str {
+            pub fn title(self) -> &'static str {
                 match self { $(Self::$name => $title,)+ }
             }
         }
@@ -119,7 +121,7 @@ impl IntoResponse for Problem {
     fn into_response(self) -> Response {
         let status = self.code.status();
         let body = dto::Problem {
-            kind: format!("urn:gridfall:problem:{}", self.code.as_str()),
+            kind: format!("/docs/errors#{}", self.code.as_str()),
             title: self.code.title(),
             status: status.as_u16(),
             code: self.code,
@@ -136,7 +138,7 @@ impl IntoResponse for Problem {
 
 impl Code {
     /// The code as it appears in JSON.
-    fn as_str(self) -> String {
+    pub fn as_str(self) -> String {
         match serde_json::to_value(self) {
             Ok(serde_json::Value::String(name)) => name,
             _ => unreachable!("a unit variant serialises as its name"),

@@ -12,7 +12,8 @@ use utoipa_axum::routes;
 use super::openapi::{self, Description};
 use super::state::Api;
 use super::{
-    assets, cors, devices, encoding, events, groups, guard, health, index, jobs, layers, load, metrics, outputs, scenes,
+    assets, cors, devices, docs, encoding, events, groups, guard, health, index, jobs, layers, load, metrics, outputs,
+    scenes,
 };
 
 /// All routes of the API, and their OpenAPI document.
@@ -35,8 +36,12 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         .routes(routes!(groups::submit_sweep))
         .routes(routes!(groups::get_sweep))
         .routes(routes!(groups::cancel_sweep))
-        // /v1/jobs/{id}/diagnostics
+        // /v1/jobs/{id}/diagnostics, /v1/jobs/{id}/diagnostics.csv
         .routes(routes!(outputs::diagnostics))
+        .routes(routes!(outputs::diagnostics_csv))
+        // /v1/jobs/{id}/solver, /v1/jobs/{id}/solver.csv
+        .routes(routes!(outputs::solver))
+        .routes(routes!(outputs::solver_csv))
         // /v1/jobs/{id}/recording.mcap, recording-so-far.mcap, thumbnail.png
         .routes(routes!(outputs::recording))
         .routes(routes!(outputs::recording_so_far))
@@ -69,6 +74,8 @@ pub(super) fn routes() -> (Router<Api>, Document) {
 pub fn router(api: Api) -> Router {
     routes()
         .0
+        // /docs, /docs/errors
+        .merge(docs::routes())
         .fallback(layers::route_not_found)
         .method_not_allowed_fallback(layers::method_not_allowed)
         .layer(CatchPanicLayer::custom(layers::panicked))

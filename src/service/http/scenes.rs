@@ -18,12 +18,14 @@ use super::health::require_space;
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
+use super::submission::valid_name;
 use crate::jobs::admission::{Admitted, admit};
 use crate::store::SceneFiles;
 use gridfall_scene::{self as scene, Limits};
 
 /// Judges a scene without running it: what it costs, or all its faults. Takes the body of a submission.
-#[utoipa::path(post, path = "/v1/scenes:validate", tag = "scenes", request_body = SubmitJob,
+#[utoipa::path(post, path = "/v1/scenes:validate", tag = "scenes", operation_id = "validate_scene",
+    request_body = SubmitJob,
     responses(
         (status = 200, body = ValidScene),
         (status = 422, body = dto::Problem, content_type = PROBLEM,
@@ -33,6 +35,7 @@ pub async fn validate(
     State(api): State<Api>,
     JsonBody(request, room): JsonBody<SubmitJob>,
 ) -> Result<Json<ValidScene>, Problem> {
+    request.name.clone().map(valid_name).transpose()?;
     let judged = |Admitted { problem, .. }: Admitted| {
         let estimate = scene::estimate::estimate(&problem).into();
         let notices = problem.setup.notices.into_iter().map(dto::Notice::from).collect();
@@ -156,8 +159,8 @@ pub async fn get(State(api): State<Api>, AssetId(id): AssetId, headers: HeaderMa
 }
 
 /// The JSON Schema of scenes.
-#[utoipa::path(get, path = "/v1/schema/scene", tag = "scenes",
+#[utoipa::path(get, path = "/v1/schema/scene", tag = "scenes", operation_id = "get_scene_schema",
     responses((status = 200, body = Object, content_type = "application/schema+json")))]
 pub async fn schema() -> impl IntoResponse {
-    ([(header::CONTENT_TYPE, "application/schema+json")], scene::schema::json_schema())
+    ([(header::CONTENT_TYPE, "application/schema+json")], scene::contract::json_schema())
 }

@@ -4,7 +4,7 @@ use super::support::{self, Server};
 use serde_json::{Value, json};
 
 /// A closed box as an OBJ.
-fn mesh(size: f64) -> String {
+pub fn mesh(size: f64) -> String {
     let corner = |k: usize| (0..3).map(|a| (size * (k >> a & 1) as f64).to_string()).collect::<Vec<_>>().join(" ");
     let vertices: String = (0..8).map(|k| format!("v {}\n", corner(k))).collect();
     vertices + "f 1 3 4 2\nf 1 2 6 5\nf 2 4 8 6\nf 4 3 7 8\nf 3 1 5 7\nf 5 6 8 7\n"

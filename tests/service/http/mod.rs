@@ -1,8 +1,11 @@
 //! The server as its users see it: a process, a port and HTTP.
 
 mod assets;
+mod clients;
+mod docs;
 mod errors;
 mod groups;
+mod hostile;
 mod lifecycle;
 mod manners;
 mod openapi;

@@ -39,8 +39,11 @@ fn the_server_has_every_documented_operation_and_serves_the_document() {
 #[test]
 fn every_operation_has_an_id_a_summary_and_described_answers() {
     let document: Value = serde_json::from_str(&gridfall_service::http::document_json()).unwrap();
+    let mut ids = std::collections::BTreeSet::new();
     for (path, item) in document["paths"].as_object().unwrap() {
         for (method, operation) in item.as_object().unwrap() {
+            let id = operation["operationId"].as_str().unwrap_or_default();
+            assert!(ids.insert(id), "{method} {path}: the id {id} is taken");
             for member in ["operationId", "summary"] {
                 assert!(operation[member].as_str().is_some_and(|text| !text.is_empty()), "{method} {path}: {member}");
             }

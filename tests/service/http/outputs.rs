@@ -126,17 +126,18 @@ fn diagnostics_are_rows_of_numbers_in_json_and_csv() {
     // 0.25 m × 0.25 m of 1000 kg/m³.
     assert!(rows.iter().all(|row| (row["mass_kg"].as_f64().unwrap() - 62.5).abs() < 1e-4));
 
-    let csv = server.get(&format!("{job}/diagnostics?format=csv"));
+    let csv = server.get(&format!("{job}/diagnostics.csv"));
     assert!(csv.header("content-type").starts_with("text/csv"));
+    assert_eq!(server.get(&format!("{job}/diagnostics?format=csv")).body, csv.body);
     let text = String::from_utf8(csv.body).unwrap();
     let columns: Vec<&str> = text.lines().next().unwrap().split(',').collect();
     assert_eq!(text.lines().count(), 7);
     assert!(columns.iter().all(|column| rows[0].get(column).is_some()), "{columns:?}");
     // An explicit run has no implicit steps.
     assert!(columns.contains(&"residual"));
-    let steps = server.get(&format!("{job}/diagnostics?per=step")).json();
+    let steps = server.get(&format!("{job}/solver")).json();
     assert_eq!(steps["rows"], json!([]));
-    let steps = server.get(&format!("{job}/diagnostics?per=step&format=csv"));
+    let steps = server.get(&format!("{job}/solver.csv"));
     assert_eq!(String::from_utf8(steps.body).unwrap().lines().count(), 1);
 }
 

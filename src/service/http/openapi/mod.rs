@@ -1,8 +1,13 @@
 //! The API's OpenAPI 3.1 document, generated from the handlers.
 
+mod finish;
+mod rows;
+
 use std::collections::BTreeMap;
+use std::sync::LazyLock;
 
 use axum::Json;
+use serde_json::Value;
 use utoipa::OpenApi;
 use utoipa::openapi::path::{Operation, ParameterIn};
 use utoipa::openapi::response::{Response, ResponseBuilder};
@@ -21,7 +26,9 @@ pub const PROBLEM: &str = "application/problem+json";
         description = "Submit material point method (MPM) scenes as jobs, watch them, \
             and download their recordings.\n\n\
             Every error is an RFC 9457 problem with a stable `code`; \
-            clients should go by it and ignore members they do not know.",
+            clients should go by it and ignore members and codes they do not know.\n\n\
+            Nobody is asked for a key (`security` is empty): a server listens to its own machine only, \
+            unless it was told otherwise.",
         license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0"),
     ),
     components(schemas(dto::Problem)),
@@ -38,18 +45,23 @@ pub const PROBLEM: &str = "application/problem+json";
 pub(super) struct Description;
 
 /// The complete document.
-pub fn document() -> Document {
-    router::routes().1
+pub fn document() -> &'static Value {
+    static DOCUMENT: LazyLock<Value> = LazyLock::new(|| {
+        let described = router::routes().1;
+        finish::finish(serde_json::to_value(described).expect("the document is plain data"))
+    });
+    &DOCUMENT
 }
 
 /// The document as stored in `api/openapi.json`.
 pub fn document_json() -> String {
-    document().to_pretty_json().expect("the document is plain data") + "\n"
+    serde_json::to_string_pretty(document()).expect("the document is plain data") + "\n"
 }
 
 /// This document.
-#[utoipa::path(get, path = "/openapi.json", tag = "meta", responses((status = 200, body = Object)))]
-pub async fn openapi() -> Json<Document> {
+#[utoipa::path(get, path = "/openapi.json", tag = "meta", operation_id = "get_openapi",
+    responses((status = 200, body = Object)))]
+pub async fn openapi() -> Json<&'static Value> {
     Json(document())
 }
 

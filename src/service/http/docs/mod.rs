@@ -1,0 +1,23 @@
+//! Pages for people, all in the binary: the API's reference at `/docs`, and what each error code
+//! means at `/docs/errors`.
+
+mod advice;
+mod page;
+
+use axum::Router;
+use axum::response::Html;
+use axum::routing::get;
+use utoipa_swagger_ui::{Config, SwaggerUi};
+
+use super::state::Api;
+pub use page::markdown;
+
+/// The routes of the pages. They are no part of the API, so the document has none of them.
+pub fn routes() -> Router<Api> {
+    let viewer = SwaggerUi::new("/docs").config(Config::new(["/openapi.json"]).try_it_out_enabled(false));
+    Router::from(viewer).route("/docs/errors", get(errors))
+}
+
+async fn errors() -> Html<String> {
+    Html(page::html())
+}

@@ -1,0 +1,115 @@
+//! What the document gets after it was derived: schemas that are not those of Rust types, and forms
+//! that generators of clients take as they are meant.
+
+use serde_json::{Map, Value, json};
+
+use super::super::problem::Code;
+use super::rows;
+use gridfall_scene as scene;
+
+/// The document, ready for clients.
+pub fn finish(mut document: Value) -> Value {
+    document["security"] = json!([]);
+    document["servers"] = json!([{
+        "url": "http://{address}",
+        "description": "A server, by default on this machine",
+        "variables": { "address": { "default": "127.0.0.1:8080", "description": "Host and port" } },
+    }]);
+    let components = document["components"]["schemas"].as_object_mut().expect("the document has schemas");
+    components.remove("Bytes");
+    let example: Value = serde_json::from_str(include_str!("../../../../api/examples/submit-job.json")).expect("JSON");
+    components["SubmitJob"]["examples"] = json!([example]);
+    components.insert("Code".into(), code());
+    components.insert("FrameRow".into(), rows::frame());
+    components.insert("StepRow".into(), rows::step());
+    for (name, component) in scene::contract::components() {
+        let replaced = components.insert(name.clone(), component);
+        assert!(replaced.is_none() || name == "Scene", "two schemas are called {name}");
+    }
+    for request in ["SubmitJob", "KeepScene"] {
+        members(&mut components[request]["properties"]).for_each(not_null);
+    }
+    for item in members(&mut document["paths"]) {
+        for operation in members(item) {
+            let parameters = operation.get_mut("parameters").and_then(Value::as_array_mut);
+            parameters.into_iter().flatten().for_each(|parameter| not_null(&mut parameter["schema"]));
+        }
+    }
+    link(&mut document);
+    mend(&mut document);
+    document
+}
+
+fn members(value: &mut Value) -> impl Iterator<Item = &mut Value> {
+    value.as_object_mut().into_iter().flat_map(Map::values_mut)
+}
+
+/// What answers lead to: where in them the id is that other operations take.
+const LINKS: &[(&str, &str, &str, &str, &[&str])] = &[
+    ("/v1/jobs", "post", "202", "$response.body#/id", OF_JOB),
+    ("/v1/jobs", "get", "200", "$response.body#/jobs/0/id", OF_JOB),
+    ("/v1/jobs/{id}/cancel", "post", "202", "$response.body#/id", OF_JOB),
+    ("/v1/assets", "put", "200", "$response.body#/id", &["get_asset"]),
+    ("/v1/assets", "put", "201", "$response.body#/id", &["get_asset"]),
+    ("/v1/assets", "get", "200", "$response.body#/assets/0/id", &["get_asset"]),
+];
+
+const OF_JOB: &[&str] = &[
+    "get_job",
+    "cancel_job",
+    "delete_job",
+    "get_recording",
+    "get_thumbnail",
+    "get_diagnostics",
+    "get_diagnostics_csv",
+    "get_solver",
+    "get_solver_csv",
+];
+
+fn link(document: &mut Value) {
+    for (path, method, status, id, operations) in LINKS {
+        let to = |name: &&str| ((*name).to_owned(), json!({ "operationId": name, "parameters": { "id": id } }));
+        document["paths"][path][method]["responses"][status]["links"] = operations.iter().map(to).collect();
+    }
+}
+
+/// A text, not a choice: clients would break when a code is added.
+fn code() -> Value {
+    let known: Vec<String> = Code::ALL.iter().map(|code| format!("`{}`", code.as_str())).collect();
+    json!({
+        "type": "string",
+        "description": format!(
+            "What went wrong, for programs. Codes are stable; new ones may come. Known are {}.", known.join(", ")
+        ),
+        "examples": [Code::JobNotFound.as_str()],
+    })
+}
+
+/// In requests, what is left out is not null.
+fn not_null(schema: &mut Value) {
+    if let Some([value, null]) = schema["oneOf"].as_array().map(Vec::as_slice)
+        && null["type"] == "null"
+    {
+        *schema = value.clone();
+    }
+    if let Some([kind, null]) = schema["type"].as_array().map(Vec::as_slice)
+        && null == "null"
+    {
+        schema["type"] = kind.clone();
+    }
+}
+
+/// Writes out files' bytes, and says of objects without members that they may have any.
+fn mend(node: &mut Value) {
+    if node["$ref"] == "#/components/schemas/Bytes" {
+        *node = json!({ "type": "string", "format": "binary" });
+    }
+    if node["type"] == "object" && ["properties", "additionalProperties"].iter().all(|name| node[*name].is_null()) {
+        node["additionalProperties"] = true.into();
+    }
+    match node {
+        Value::Object(members) => members.values_mut().for_each(mend),
+        Value::Array(items) => items.iter_mut().for_each(mend),
+        _ => {}
+    }
+}
