@@ -31,7 +31,7 @@ const BATCH: i64 = 200;
 #[serde(deny_unknown_fields)]
 pub struct SubmitSweep {
     /// The scene document; its JSON Schema is at `/v1/schema/scene`.
-    #[schema(value_type = Option<Object>)]
+    #[schema(value_type = Option<dto::Scene>)]
     pub scene: Option<Value>,
     /// Instead of `scene`: the id of one that was kept (`POST /v1/scenes`).
     pub scene_id: Option<String>,

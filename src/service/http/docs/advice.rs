@@ -26,6 +26,12 @@ pub fn of(code: Code) -> &'static str {
         Code::DiskLow => "The disk of the server is nearly full. Delete jobs that are no longer needed, or make room.",
         Code::RouteNotFound => "The address is wrong. `/openapi.json` and `/docs` have all paths.",
         Code::JobNotFound => "The id is wrong, or the job was deleted. `GET /v1/jobs` lists the jobs that there are.",
+        Code::SweepNotFound => {
+            "The id is wrong, or all jobs of the sweep were deleted. Submitting a sweep answers its id."
+        }
+        Code::CostExceeded => {
+            "The run is estimated to take longer than `max_cost` allows. Allow more, or coarsen or shorten the scene."
+        }
         Code::AssetNotFound => "The file was never uploaded here. Upload it with `PUT /v1/assets`.",
         Code::OutputNotFound => {
             "The job waits, has not come that far, or ended before it wrote this. Look at its `status`, and try \
@@ -33,7 +39,10 @@ pub fn of(code: Code) -> &'static str {
         }
         Code::MethodNotAllowed => "The header `Allow` lists the methods of the path. Use one of them.",
         Code::RequestTimeout => "The body came too slowly. Send it again over a faster connection.",
-        Code::JobNotFinished => "Only jobs that have ended can be deleted. Cancel it, and delete it then.",
+        Code::JobNotFinished => {
+            "Only jobs that have ended can be deleted, and only their recordings are complete. Cancel the job, wait for \
+             its end, or ask for the recording so far."
+        }
         Code::BodyTooLarge => {
             "`detail` has the limit. Upload meshes and points as assets instead of writing them into the scene; \
              decimate what is still too large."
@@ -72,6 +81,7 @@ pub const FAILURES: &[(&str, &str)] = &[
         "crashed",
         "The server died again and again while it ran the job. Look at its log and memory; make the scene smaller.",
     ),
+    ("deadline", "No worker was free before the job's `deadline`. Give it more time or a higher `priority`."),
     ("device_lost", "The GPU stopped answering more than once. Look at the driver's log; run on the CPU."),
     (
         "diverged",

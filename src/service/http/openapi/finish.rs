@@ -26,8 +26,8 @@ pub fn finish(mut document: Value) -> Value {
         let replaced = components.insert(name.clone(), component);
         assert!(replaced.is_none() || name == "Scene", "two schemas are called {name}");
     }
-    for request in ["SubmitJob", "KeepScene"] {
-        members(&mut components[request]["properties"]).for_each(not_null);
+    for (_, request) in components.iter_mut().filter(|(name, _)| REQUESTS.contains(&name.as_str())) {
+        members(&mut request["properties"]).for_each(not_null);
     }
     for item in members(&mut document["paths"]) {
         for operation in members(item) {
@@ -44,11 +44,15 @@ fn members(value: &mut Value) -> impl Iterator<Item = &mut Value> {
     value.as_object_mut().into_iter().flat_map(Map::values_mut)
 }
 
+/// What clients send.
+const REQUESTS: &[&str] = &["SubmitJob", "RerunJob", "SubmitSweep", "JobFilter", "KeepScene"];
+
 /// What answers lead to: where in them the id is that other operations take.
 const LINKS: &[(&str, &str, &str, &str, &[&str])] = &[
     ("/v1/jobs", "post", "202", "$response.body#/id", OF_JOB),
     ("/v1/jobs", "get", "200", "$response.body#/jobs/0/id", OF_JOB),
     ("/v1/jobs/{id}/cancel", "post", "202", "$response.body#/id", OF_JOB),
+    ("/v1/sweeps", "post", "202", "$response.body#/id", &["get_sweep", "cancel_sweep"]),
     ("/v1/assets", "put", "200", "$response.body#/id", &["get_asset"]),
     ("/v1/assets", "put", "201", "$response.body#/id", &["get_asset"]),
     ("/v1/assets", "get", "200", "$response.body#/assets/0/id", &["get_asset"]),
