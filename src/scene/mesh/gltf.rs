@@ -4,17 +4,25 @@ use std::borrow::Cow;
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
+use gltf::accessor::sparse::IndexType;
 use gltf::accessor::{DataType, Dimensions};
-use gltf::buffer::Source;
+use gltf::buffer::{Source, View};
 use gltf::mesh::Mode;
 
+use super::read::MAX_TRIANGLES;
 use super::triangles::{MeshError, TriangleMesh, f32_spacing};
 
 /// How deeply nodes may be nested.
 const MAX_DEPTH: usize = 64;
+/// Most corners of triangles, and most vertices.
+const MAX_CORNERS: usize = 3 * MAX_TRIANGLES;
 
 /// All triangles of the default scene, with every node in its place, rotated from y up to z up.
 pub fn mesh(bytes: &[u8]) -> Result<TriangleMesh, MeshError> {
+    // The reader takes this length to be no shorter than the head that it is in.
+    if bytes.starts_with(b"glTF") && bytes.get(8..12).is_none_or(|length| length[0] < 12 && length[1..] == [0; 3]) {
+        return Err(MeshError::new("the glTF is broken: it is shorter than its head"));
+    }
     let file = gltf::Gltf::from_slice(bytes).map_err(|error| MeshError(format!("the glTF is broken: {error}")))?;
     let mut buffers: Vec<Cow<[u8]>> = Vec::new();
     for buffer in file.buffers() {
@@ -33,9 +41,10 @@ pub fn mesh(bytes: &[u8]) -> Result<TriangleMesh, MeshError> {
     let scene = file.default_scene().or_else(|| file.scenes().next());
     let scene = scene.ok_or_else(|| MeshError::new("the glTF has no scene"))?;
     let mut mesh = TriangleMesh::default();
+    let mut seen = vec![false; file.nodes().count()];
     let identity = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
     for node in scene.nodes() {
-        add(&node, &identity, &buffers, 0, &mut mesh)?;
+        add(&node, &identity, &buffers, 0, &mut seen, &mut mesh)?;
     }
     Ok(mesh)
 }
@@ -48,10 +57,15 @@ fn add(
     parent: &Matrix,
     buffers: &[Cow<[u8]>],
     depth: usize,
+    seen: &mut [bool],
     mesh: &mut TriangleMesh,
 ) -> Result<(), MeshError> {
     if depth > MAX_DEPTH {
         return Err(MeshError(format!("the glTF's nodes are nested more than {MAX_DEPTH} deep")));
+    }
+    // Ways through shared nodes may be more than can be gone.
+    if std::mem::replace(&mut seen[node.index()], true) {
+        return Err(MeshError(format!("the glTF's node {} has more than one place in the scene", node.index())));
     }
     let own = node.transform().matrix();
     let to_world: Matrix = std::array::from_fn(|column| {
@@ -62,10 +76,14 @@ fn add(
             return Err(MeshError(format!("the glTF has {:?}, where triangles belong", primitive.mode())));
         }
         let positions = primitive.get(&gltf::Semantic::Positions);
-        let sound = positions
-            .is_some_and(|p| p.count() > 0 && p.data_type() == DataType::F32 && p.dimensions() == Dimensions::Vec3);
-        let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(|data| data.as_ref()));
-        let Some(positions) = reader.read_positions().filter(|_| sound) else {
+        let positions = positions.filter(|p| (p.data_type(), p.dimensions()) == (DataType::F32, Dimensions::Vec3)).map(
+            |positions| {
+                let read = values(&positions, buffers).ok_or_else(|| broken("positions"))?;
+                let number = |v: &[u8], a: usize| f32::from_le_bytes(v[4 * a..][..4].try_into().expect("four bytes"));
+                Ok(read.into_iter().map(move |v| [0, 1, 2].map(|a| number(v, a))))
+            },
+        );
+        let Some(positions) = positions.transpose()? else {
             return Err(MeshError::new("the glTF has triangles without positions in f32"));
         };
         let first = mesh.vertices.len() as u32;
@@ -82,14 +100,67 @@ fn add(
         mesh.resolution = std::array::from_fn(|a| mesh.resolution[a].max(placed[a]));
         let count = mesh.vertices.len() as u32 - first;
         let indices: Vec<u32> = match primitive.indices() {
-            Some(indices) if indices.count() == 0 => Vec::new(),
-            Some(_) => reader.read_indices().map(|indices| indices.into_u32().collect()).unwrap_or_default(),
+            Some(indices) => {
+                let read = values(&indices, buffers).filter(|_| whole_numbers(&indices));
+                let whole = |v: &[u8]| v.iter().rev().fold(0, |n, byte| n << 8 | u32::from(*byte));
+                read.ok_or_else(|| broken("indices"))?.into_iter().map(whole).collect()
+            }
             None => (0..count).collect(),
         };
+        if mesh.vertices.len() > MAX_CORNERS || 3 * mesh.triangles.len() + indices.len() > MAX_CORNERS {
+            return Err(MeshError(format!("the glTF has too many triangles; {MAX_TRIANGLES} is the most")));
+        }
         if indices.iter().any(|i| *i >= count) {
             return Err(MeshError(format!("the glTF has triangles beyond its {count} vertices")));
         }
         mesh.triangles.extend(indices.as_chunks::<3>().0.iter().map(|t| t.map(|v| first + v)));
     }
-    node.children().try_for_each(|child| add(&child, &to_world, buffers, depth + 1, mesh))
+    node.children().try_for_each(|child| add(&child, &to_world, buffers, depth + 1, seen, mesh))
+}
+
+fn whole_numbers(accessor: &gltf::Accessor) -> bool {
+    accessor.dimensions() == Dimensions::Scalar
+        && matches!(accessor.data_type(), DataType::U8 | DataType::U16 | DataType::U32)
+}
+
+fn broken(what: &str) -> MeshError {
+    MeshError(format!("the glTF's {what} are not all in its data"))
+}
+
+/// The bytes of each value of an accessor; none if they are not all in the data.
+fn values<'a>(accessor: &gltf::Accessor, buffers: &'a [Cow<[u8]>]) -> Option<Vec<&'a [u8]>> {
+    if accessor.count() == 0 {
+        return Some(Vec::new());
+    }
+    let size = accessor.size();
+    // Values that are all zero but for some would be no mesh.
+    let mut values = part(&accessor.view()?, accessor.offset(), accessor.count(), size, buffers)?;
+    if let Some(sparse) = accessor.sparse().filter(|sparse| sparse.count() > 0) {
+        let (at, new) = (sparse.indices(), sparse.values());
+        let width = match at.index_type() {
+            IndexType::U8 => 1,
+            IndexType::U16 => 2,
+            IndexType::U32 => 4,
+        };
+        let at = part(&at.view(), at.offset(), sparse.count(), width, buffers)?;
+        let new = part(&new.view(), new.offset(), sparse.count(), size, buffers)?;
+        for (at, new) in at.into_iter().zip(new) {
+            let at = at.iter().rev().fold(0, |n, byte| n << 8 | usize::from(*byte));
+            *values.get_mut(at)? = new;
+        }
+    }
+    Some(values)
+}
+
+/// `count` values of `size` bytes in a view, from an offset on.
+fn part<'a>(view: &View, offset: usize, count: usize, size: usize, buffers: &'a [Cow<[u8]>]) -> Option<Vec<&'a [u8]>> {
+    let data = buffers.get(view.buffer().index())?;
+    let data = data.get(view.offset()..)?.get(..view.length())?.get(offset..)?;
+    // No value overlaps the next, so that there are no more than bytes.
+    let stride = view.stride().unwrap_or(size);
+    let length = stride.checked_mul(count.checked_sub(1)?)?.checked_add(size)?;
+    if stride < size || size == 0 || length > data.len() {
+        return None;
+    }
+    Some((0..count).map(|n| &data[n * stride..][..size]).collect())
 }

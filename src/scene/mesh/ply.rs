@@ -69,6 +69,11 @@ fn contents(bytes: &[u8]) -> Result<Contents, MeshError> {
     let header = parser.read_header(&mut reader).map_err(|e| broken(&e))?;
     let mut contents = Contents::default();
     for definition in header.elements.values() {
+        // Each has a byte at least. Those without properties could else be more than there is memory for.
+        if definition.count > bytes.len() || (definition.properties.is_empty() && definition.count > 0) {
+            let more = format!("it has less data than {} elements `{}` take", definition.count, definition.name);
+            return Err(broken(&more));
+        }
         let read = parser.read_payload_for_element(&mut reader, definition, &header).map_err(|e| broken(&e))?;
         match definition.name.as_str() {
             "vertex" => {

@@ -6,7 +6,7 @@ use super::triangles::{MeshError, TriangleMesh, f32_spacing};
 use super::{gltf, ply};
 
 /// Most triangles that a mesh may have.
-const MAX_TRIANGLES: usize = 8_000_000;
+pub(super) const MAX_TRIANGLES: usize = 8_000_000;
 
 /// What a file seems to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
