@@ -95,9 +95,11 @@ fn stl(bytes: &[u8]) -> Result<TriangleMesh, MeshError> {
 fn obj(bytes: &[u8]) -> Result<TriangleMesh, MeshError> {
     let options =
         tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
-    // Colours and textures are not needed.
+    // Textures and normals are not needed, and the reader computes with their numbers without a check.
+    let needed = |line: &&[u8]| !["vt", "vn"].iter().any(|kind| line.trim_ascii_start().starts_with(kind.as_bytes()));
+    let bytes = bytes.split_inclusive(|c| *c == b'\n').filter(needed).collect::<Vec<_>>().concat();
     let no_materials = |_: &std::path::Path| Ok(Default::default());
-    let (models, _) = tobj::load_obj_buf(&mut Cursor::new(bytes), &options, no_materials)
+    let (models, _) = tobj::load_obj_buf(&mut Cursor::new(&bytes), &options, no_materials)
         .map_err(|error| MeshError(format!("the OBJ is broken: {error}")))?;
     let mut mesh = TriangleMesh::default();
     for model in models {
