@@ -69,9 +69,33 @@ impl Values {
     }
 }
 
+/// The way of a search for the newest jobs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Way {
+    pub along: Along,
+    /// So many jobs have a name of the filter's that looking at all jobs finds some soon.
+    pub names_are_many: bool,
+    /// Numbers of jobs that bound the search.
+    pub after: i64,
+    pub before: i64,
+}
+
+/// The index that a search walks along.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Along {
+    /// The first tag's.
+    Tag,
+    /// The status's or, if any will do, all jobs.
+    Status,
+}
+
 impl Filter {
     /// The condition of everything but the status, on a row of `jobs`.
     pub(super) fn condition(&self, values: &mut Values) -> String {
+        self.condition_by("name", values)
+    }
+
+    fn condition_by(&self, name_column: &str, values: &mut Values) -> String {
         let mut all = vec!["1 = 1".to_owned()];
         for tag in &self.tags {
             let tag = values.text(tag);
@@ -82,28 +106,19 @@ impl Filter {
             Some(Ok(prefix)) => {
                 // No text that begins with it comes after it and the last character there is.
                 let (from, to) = (values.text(prefix), values.text(format!("{prefix}\u{10FFFF}")));
-                all.push(format!("name >= {from} AND name < {to}"));
+                all.push(format!("{name_column} >= {from} AND {name_column} < {to}"));
             }
             Some(Err(name)) => all.push(format!("name = {}", values.text(name))),
         }
         if let Some(sweep) = self.sweep {
             all.push(format!("sweep = {}", values.text(sweep)));
         }
-        // Jobs are numbered as they are created, so that the number bounds the search. The plus keeps the
-        // databases from searching by the time itself: all that it finds would have to be sorted.
+        // The plus keeps the databases from searching by the time: all that they find would have to be sorted.
         if let Some(time) = self.created_after {
-            let time = values.int(time.as_microsecond());
-            all.push(format!(
-                "+jobs.created_at > {time} AND jobs.seq >= (SELECT seq FROM jobs AS later \
-                 WHERE later.created_at > {time} ORDER BY created_at, seq LIMIT 1)"
-            ));
+            all.push(format!("+jobs.created_at > {}", values.int(time.as_microsecond())));
         }
         if let Some(time) = self.created_before {
-            let time = values.int(time.as_microsecond());
-            all.push(format!(
-                "+jobs.created_at < {time} AND jobs.seq <= (SELECT seq FROM jobs AS earlier \
-                 WHERE earlier.created_at < {time} ORDER BY created_at DESC, seq DESC LIMIT 1)"
-            ));
+            all.push(format!("+jobs.created_at < {}", values.int(time.as_microsecond())));
         }
         all.join(" AND ")
     }
@@ -115,16 +130,22 @@ impl Filter {
         if names.is_empty() { "1 = 0".into() } else { format!("status IN ({})", names.join(", ")) }
     }
 
-    /// A query of the numbers of the newest `limit` jobs with numbers below `before`. One search by status, so
-    /// that each is a walk along an index that ends at the limit.
-    pub(super) fn newest(&self, before: i64, limit: i64, values: &mut Values) -> String {
-        let (before, limit) = (values.int(before), values.int(limit));
-        let mut statuses: Vec<String> = self.statuses.iter().map(|status| format!("status = '{status}' AND")).collect();
+    /// A query of the numbers of the newest `limit` jobs. One search by status, so that each is a walk along an
+    /// index that ends at the limit.
+    pub(super) fn newest(&self, way: Way, limit: i64, values: &mut Values) -> String {
+        let (after, before, limit) = (values.int(way.after), values.int(way.before), values.int(limit));
+        // Changed by an operation that changes nothing, a column is not looked up in its index.
+        let name_column = if way.names_are_many { "(name || '')" } else { "name" };
+        let few_names = !way.names_are_many && self.name.as_ref().is_some_and(|name| name.ends_with('*'));
+        let (status_column, job_number) =
+            if few_names { ("(status || '')", "+jobs.seq") } else { ("status", "jobs.seq") };
+        let mut statuses: Vec<String> =
+            self.statuses.iter().map(|status| format!("{status_column} = '{status}' AND")).collect();
         if statuses.is_empty() {
             statuses.push(String::new());
         }
-        // The rarest is a tag, more likely than not.
-        let (from, seq) = match self.tags.first() {
+        let tag = self.tags.first().filter(|_| way.along == Along::Tag);
+        let (from, seq) = match tag {
             Some(tag) => {
                 let tag = values.text(tag);
                 (
@@ -132,12 +153,14 @@ impl Filter {
                     "job_tags.seq",
                 )
             }
-            None => ("jobs WHERE".to_owned(), "jobs.seq"),
+            None => ("jobs WHERE".to_owned(), job_number),
         };
-        let condition = Self { tags: self.tags.iter().skip(1).cloned().collect(), ..self.clone() }.condition(values);
+        let others = self.tags.iter().skip(usize::from(tag.is_some())).cloned().collect();
+        let condition = Self { tags: others, ..self.clone() }.condition_by(name_column, values);
         let search = |status: String| {
             format!(
-                "SELECT seq FROM (SELECT {seq} AS seq FROM {from} {status} {seq} < {before} AND {condition} \
+                "SELECT seq FROM (SELECT {seq} AS seq FROM {from} {status} {seq} > {after} AND {seq} < {before} \
+                 AND {condition} \
                  ORDER BY {seq} DESC LIMIT {limit}) AS found"
             )
         };

@@ -6,9 +6,12 @@ use jiff::Timestamp;
 use sqlx::AssertSqlSafe;
 use uuid::Uuid;
 
-use super::filter::Values;
+use super::filter::{Along, Value, Values, Way};
 use super::row::{JobRow, select_jobs};
 use super::{Filter, Job, JobStore, Result, Status, known};
+
+/// So many jobs are not counted further, where the count is to find what is rare.
+const MANY: i64 = 1000;
 
 /// Jobs that were submitted as one, and how far they are.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,14 +28,63 @@ pub struct Sweep {
 impl JobStore {
     /// Newest first; if `before` (a [`Job::seq`]) is given, only those accepted before it.
     pub async fn list(&self, filter: &Filter, before: Option<i64>, limit: i64) -> Result<Vec<Job>> {
+        let (filter, way) = self.way(filter, before.unwrap_or(i64::MAX)).await?;
         let mut values = Values::default();
-        let newest = filter.newest(before.unwrap_or(i64::MAX), limit, &mut values);
+        let newest = filter.newest(way, limit, &mut values);
         let limit = values.int(limit);
         let sql = select_jobs(&format!("WHERE jobs.seq IN ({newest}) ORDER BY jobs.seq DESC LIMIT {limit}"));
         let rows: Vec<JobRow> = values.bind_as(sqlx::query_as(sql)).fetch_all(&self.database.reader).await?;
         let mut jobs: Vec<Job> = rows.into_iter().map(|row| row.0).collect();
         self.place(&mut jobs).await?;
         Ok(jobs)
+    }
+
+    /// The way to the newest jobs of a filter, and the filter with the rarest tag first. A search along what is
+    /// frequent would pass by all that has it but not the rest.
+    async fn way(&self, filter: &Filter, before: i64) -> Result<(Filter, Way)> {
+        let mut filter = filter.clone();
+        let mut way = Way { along: Along::Tag, names_are_many: false, after: 0, before };
+        // Jobs are numbered as they are created, so that times are numbers.
+        if let Some(time) = filter.created_after {
+            let sql = "SELECT seq FROM jobs WHERE created_at > $1 ORDER BY created_at, seq LIMIT 1";
+            way.after = self.one(sql, Value::Int(time.as_microsecond())).await?.map_or(i64::MAX, |seq| seq - 1);
+        }
+        if let Some(time) = filter.created_before {
+            let sql = "SELECT seq FROM jobs WHERE created_at < $1 ORDER BY created_at DESC, seq DESC LIMIT 1";
+            let last = self.one(sql, Value::Int(time.as_microsecond())).await?;
+            way.before = before.min(last.map_or(0, |seq| seq + 1));
+        }
+        if let Some(prefix) = filter.name.as_ref().and_then(|name| name.strip_suffix('*')) {
+            let sql = "SELECT count(*) FROM \
+                (SELECT 1 FROM jobs WHERE name >= $1 AND name < $1 || '\u{10FFFF}' LIMIT 1000) AS few";
+            way.names_are_many = self.one(sql, Value::Text(prefix.into())).await? == Some(MANY);
+        }
+        if filter.tags.is_empty() || filter.tags.len() + filter.statuses.len() < 2 {
+            return Ok((filter, way));
+        }
+        let mut tags = Vec::new();
+        for tag in filter.tags {
+            let sql = "SELECT count(*) FROM (SELECT 1 FROM job_tags WHERE tag = $1 LIMIT 1000) AS few";
+            tags.push((self.one(sql, Value::Text(tag.clone())).await?, tag));
+        }
+        tags.sort();
+        let mut of_statuses = if filter.statuses.is_empty() { MANY } else { 0 };
+        for status in &filter.statuses {
+            let sql = "SELECT count(*) FROM (SELECT 1 FROM jobs WHERE status = $1 LIMIT 1000) AS few";
+            of_statuses += self.one(sql, Value::Text(status.to_string())).await?.unwrap_or(0);
+        }
+        if tags[0].0 > Some(of_statuses) {
+            way.along = Along::Status;
+        }
+        filter.tags = tags.into_iter().map(|(_, tag)| tag).collect();
+        Ok((filter, way))
+    }
+
+    /// The number that a query with one value finds.
+    async fn one(&self, sql: &'static str, value: Value) -> Result<Option<i64>> {
+        let query = sqlx::query_as::<_, (i64,)>(sql);
+        let found = Values(vec![value]).bind_as(query).fetch_optional(&self.database.reader).await?;
+        Ok(found.map(|(number,)| number))
     }
 
     /// Adds their places in the queue to jobs that wait, by one walk along it.

@@ -1,5 +1,7 @@
 //! Sweeps, reruns, reuse, filters, limits of cost, and changes of many jobs, over HTTP.
 
+use std::path::Path;
+
 use serde_json::{Value, json};
 
 use super::support::{Server, endless, short};
@@ -121,6 +123,12 @@ fn what_costs_too_much_or_is_out_of_form_is_refused() {
     assert_eq!(server.wait_for(&late, "failed")["failure"]["code"], "deadline");
 }
 
+/// Size of the files of a folder and of its folders.
+fn bytes(folder: &Path) -> u64 {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries.map(|path| if path.is_dir() { bytes(&path) } else { path.metadata().unwrap().len() }).sum()
+}
+
 #[test]
 fn what_takes_too_much_room_is_removed_oldest_first() {
     let dir = tempfile::tempdir().unwrap();
@@ -131,11 +139,7 @@ fn what_takes_too_much_room_is_removed_oldest_first() {
         jobs
     };
     let folder = |job: &str| dir.path().join("jobs").join(job.rsplit('/').next().unwrap());
-    let size = |job: &str| {
-        let files = std::fs::read_dir(folder(job)).unwrap().map(|file| file.unwrap().metadata().unwrap().len());
-        files.sum::<u64>()
-    };
-    let two = size(&jobs[1]) + size(&jobs[2]);
+    let two = bytes(&folder(&jobs[1])) + bytes(&folder(&jobs[2]));
     let server = Server::start_with(dir.path(), &["--keep-bytes", &two.to_string()]);
     server.wait_until("/v1/jobs", "the removal", |page| page["jobs"].as_array().unwrap().len() == 2);
     assert_eq!(server.get(&jobs[0]).status, 404);

@@ -11,6 +11,7 @@ on_both!(
     higher_priorities_run_first_and_equal_ones_in_order,
     a_job_that_was_not_started_by_its_deadline_fails,
     lists_are_filtered_by_everything_at_once,
+    a_name_is_found_among_many_and_among_few,
     a_sweep_is_accepted_as_a_whole_or_not_at_all,
     many_jobs_are_canceled_and_deleted_by_a_filter,
     a_finished_job_is_found_by_its_scene,
@@ -111,6 +112,24 @@ async fn lists_are_filtered_by_everything_at_once(store: JobStore) {
         assert_eq!(seen, jobs, "{filter:?}");
     }
     assert_eq!(store.list(&Filter { tags: tags(&["wet"]), ..all() }, None, 1).await.unwrap()[0].tags, ["wet", "quick"]);
+}
+
+async fn a_name_is_found_among_many_and_among_few(store: JobStore) {
+    let mut jobs: Vec<NewJob> = (0..1001).map(|i| new_job(&format!("dam {i}"))).collect();
+    jobs.insert(500, new_job("sand"));
+    store.submit_sweep("many", &jobs, 2000).await.unwrap().unwrap();
+    let of = |name: &str, statuses: &[Status]| Filter {
+        name: Some(name.into()),
+        statuses: statuses.into(),
+        ..Filter::default()
+    };
+    for statuses in [&[][..], &[Status::Queued], &[Status::Queued, Status::Running]] {
+        let many = store.list(&of("d*", statuses), None, 2).await.unwrap();
+        assert_eq!(names(&many), ["dam 1000", "dam 999"]);
+        let few = store.list(&of("dam 77*", statuses), None, 2).await.unwrap();
+        assert_eq!(names(&few), ["dam 779", "dam 778"]);
+        assert_eq!(names(&store.list(&of("s*", statuses), None, 2).await.unwrap()), ["sand"]);
+    }
 }
 
 async fn a_sweep_is_accepted_as_a_whole_or_not_at_all(store: JobStore) {
