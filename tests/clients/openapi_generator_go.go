@@ -50,7 +50,7 @@ func main() {
 		check("poll", true, err)
 	}
 	check("succeed", job.Status == gridfall.SUCCEEDED, nil)
-	list, _, err := client.JobsAPI.ListJobs(background).Status("succeeded").Limit(200).Execute()
+	list, _, err := client.JobsAPI.ListJobs(background).Status([]string{"succeeded"}).Limit(200).Execute()
 	check("list", err == nil && len(list.Jobs) > 0, err)
 	recording, _, err := client.OutputsAPI.GetRecording(background, job.Id).Execute()
 	check("download", true, err)

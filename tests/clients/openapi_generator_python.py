@@ -19,7 +19,7 @@ with gridfall.ApiClient(gridfall.Configuration(host=url)) as client:
     while (job := jobs.get_job(job.id)).status not in ("succeeded", "failed", "canceled"):
         time.sleep(0.02)
     assert job.status == "succeeded" and job.name == "python", job
-    assert job.id in [each.id for each in jobs.list_jobs(status="succeeded", limit=200).jobs]
+    assert job.id in [each.id for each in jobs.list_jobs(status=["succeeded"], limit=200).jobs]
     recording = outputs.get_recording(job.id)
     assert bytes(recording[:5]) == b"\x89MCAP", recording[:5]
     assert bytes(outputs.get_recording(job.id, range="bytes=0-4")) == bytes(recording[:5])

@@ -21,7 +21,7 @@ while (job.status === 'queued' || job.status === 'running') {
   job = await jobs.getJob({ id });
 }
 assert.equal(job.status, 'succeeded');
-const list = await jobs.listJobs({ status: 'succeeded', limit: 200 });
+const list = await jobs.listJobs({ status: ['succeeded'], limit: 200 });
 assert(list.jobs.some((each) => each.id === id));
 const recording: Blob = await outputs.getRecording({ id });
 assert.equal(await recording.slice(1, 5).text(), 'MCAP');

@@ -24,7 +24,7 @@ while (job.status === 'queued' || job.status === 'running') {
   job = got(await api.GET('/v1/jobs/{id}', { params }));
 }
 assert.equal(job.status, 'succeeded');
-const { jobs } = got(await api.GET('/v1/jobs', { params: { query: { status: 'succeeded', limit: 200 } } }));
+const { jobs } = got(await api.GET('/v1/jobs', { params: { query: { status: ['succeeded'], limit: 200 } } }));
 assert(jobs.some(({ id }) => id === job.id));
 const blob = got(await api.GET('/v1/jobs/{id}/recording.mcap', { params, parseAs: 'arrayBuffer' }));
 assert.equal(Buffer.from(blob).toString('latin1', 1, 5), 'MCAP');

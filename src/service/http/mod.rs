@@ -8,6 +8,7 @@ mod devices;
 mod docs;
 mod dto;
 mod encoding;
+mod estimate;
 mod events;
 mod extract;
 mod filters;

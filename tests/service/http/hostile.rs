@@ -361,7 +361,7 @@ const PATHS: &[(&str, &str)] = &[
     ("GET", "/v1/jobs?cursor=%00"),
     ("GET", "/v1/jobs?cursor=99999999999999999999"),
     ("GET", "/v1/jobs?status=%27%20OR%201=1"),
-    ("GET", "/v1/jobs?status="),
+    ("GET", "/v1/jobs?status=queued,lost"),
     ("GET", "/v1/jobs?status=queued&status=failed"),
     ("GET", "/v1/jobs?%FF=1"),
     ("GET", "/v1/jobs/%2e%2e%2f%2e%2e"),

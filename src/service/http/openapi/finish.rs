@@ -27,7 +27,7 @@ pub fn finish(mut document: Value) -> Value {
         assert!(replaced.is_none() || name == "Scene", "two schemas are called {name}");
     }
     for (_, request) in components.iter_mut().filter(|(name, _)| REQUESTS.contains(&name.as_str())) {
-        members(&mut request["properties"]).for_each(not_null);
+        members(&mut request["properties"]).for_each(left_out);
     }
     for item in members(&mut document["paths"]) {
         for operation in members(item) {
@@ -89,13 +89,8 @@ fn code() -> Value {
     })
 }
 
-/// In requests, what is left out is not null.
+/// What is left out of a query or the headers is not null.
 fn not_null(schema: &mut Value) {
-    if let Some([value, null]) = schema["oneOf"].as_array().map(Vec::as_slice)
-        && null["type"] == "null"
-    {
-        *schema = value.clone();
-    }
     if let Some([kind, null]) = schema["type"].as_array().map(Vec::as_slice)
         && null == "null"
     {
@@ -103,10 +98,26 @@ fn not_null(schema: &mut Value) {
     }
 }
 
-/// Writes out files' bytes, and says of objects without members that they may have any.
+/// What is left out of a request has no default, and clients have no need of a null scene.
+fn left_out(schema: &mut Value) {
+    if let Some(members) = schema.as_object_mut() {
+        members.retain(|name, value| name != "default" || !value.is_null());
+    }
+    if let Some([value, null]) = schema["oneOf"].as_array().map(Vec::as_slice)
+        && null["type"] == "null"
+    {
+        *schema = value.clone();
+    }
+}
+
+/// Writes out files' bytes, tells nothing of streams' forms, and says of objects without members that they may have any.
 fn mend(node: &mut Value) {
     if node["$ref"] == "#/components/schemas/Bytes" {
         *node = json!({ "type": "string", "format": "binary" });
+    }
+    // A stream is not one value.
+    if let Some(stream) = node.get_mut("text/event-stream") {
+        *stream = json!({});
     }
     if node["type"] == "object" && ["properties", "additionalProperties"].iter().all(|name| node[*name].is_null()) {
         node["additionalProperties"] = true.into();
