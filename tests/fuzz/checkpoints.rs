@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use gridfall_core::sim::setup::Problem;
-use gridfall_engine::{Choice, Devices, Engine, NoControl};
+use gridfall_engine::choice::{Choice, Devices};
+use gridfall_engine::{Engine, NoControl};
 use gridfall_recording::checkpoint::{Checkpoint, Draft, Reached, list};
 use gridfall_scene::{self as scene, Limits};
 use serde_json::{Value, json};

@@ -3,7 +3,8 @@
 use std::path::Path;
 use std::sync::Mutex;
 
-use gridfall_engine::{Choice, Control, Devices};
+use gridfall_engine::Control;
+use gridfall_engine::choice::{Choice, Devices};
 use gridfall_recording::run::{self, FrameReport, Observer, Outputs, Subject};
 use gridfall_recording::{self as recording, Appearance};
 use gridfall_scene::{self as scene, Limits};

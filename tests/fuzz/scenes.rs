@@ -3,9 +3,10 @@
 use std::time::{Duration, Instant};
 
 use gridfall_core::sim::setup::Problem;
-use gridfall_engine::{Choice, Control, Devices};
+use gridfall_engine::Control;
+use gridfall_engine::choice::{Choice, Devices};
 use gridfall_scene::{self as scene, Fault, Limits, Scene};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::campaign;
 use super::cases::{self, Case, case};
