@@ -40,8 +40,8 @@ pub fn of(code: Code) -> &'static str {
         Code::MethodNotAllowed => "The header `Allow` lists the methods of the path. Use one of them.",
         Code::RequestTimeout => "The body came too slowly. Send it again over a faster connection.",
         Code::JobNotFinished => {
-            "Only jobs that have ended can be deleted, and only their recordings are complete. Cancel the job, wait for \
-             its end, or ask for the recording so far."
+            "Only jobs that have ended can be deleted, and only their recordings are complete. Cancel the job, wait \
+             for its end, or ask for the recording so far."
         }
         Code::BodyTooLarge => {
             "`detail` has the limit. Upload meshes and points as assets instead of writing them into the scene; \
