@@ -18,7 +18,7 @@ use super::health::require_space;
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
-use super::submission::valid_name;
+use super::submission::check_wishes;
 use crate::jobs::admission::{Admitted, admit};
 use crate::store::SceneFiles;
 use gridfall_scene::{self as scene, Limits};
@@ -35,7 +35,7 @@ pub async fn validate(
     State(api): State<Api>,
     JsonBody(request, room): JsonBody<SubmitJob>,
 ) -> Result<Json<ValidScene>, Problem> {
-    request.name.clone().map(valid_name).transpose()?;
+    check_wishes(&request)?;
     let judged = |Admitted { problem, .. }: Admitted| {
         let estimate = scene::estimate::estimate(&problem).into();
         let notices = problem.setup.notices.into_iter().map(dto::Notice::from).collect();

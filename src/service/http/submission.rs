@@ -59,6 +59,15 @@ pub async fn prepare(
     Ok(new)
 }
 
+/// Judges all of a request but its scene.
+pub fn check_wishes(request: &SubmitJob) -> Result<(), Problem> {
+    request.name.clone().map(valid_name).transpose()?;
+    valid_tags(request.tags.clone())?;
+    valid_priority(request.priority)?;
+    valid_max_cost(request.max_cost)?;
+    Ok(())
+}
+
 /// Refuses what is estimated to take longer than allowed.
 pub fn affordable(estimate_s: f64, max_cost: Option<f64>) -> Result<(), Problem> {
     match max_cost {

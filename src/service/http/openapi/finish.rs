@@ -110,7 +110,7 @@ fn left_out(schema: &mut Value) {
     }
 }
 
-/// Writes out files' bytes, tells nothing of streams' forms, and says of objects without members that they may have any.
+/// Writes out bytes of files, says nothing of the form of streams, and that objects without members may have any.
 fn mend(node: &mut Value) {
     if node["$ref"] == "#/components/schemas/Bytes" {
         *node = json!({ "type": "string", "format": "binary" });
