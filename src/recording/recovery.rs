@@ -11,10 +11,13 @@ use std::path::Path;
 
 use binrw::{BinRead, BinWrite};
 use mcap::records::{self, Record, op};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::files::{RecordingError, publish};
 
 const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
+/// Most bytes that a chunk may unfold to. What is recorded of a frame is far less; a damaged length may say anything.
+const MOST_CHUNK_BYTES: usize = 1 << 30;
 /// Length of a record's head: opcode and length.
 const RECORD_HEAD: u64 = 9;
 
@@ -174,11 +177,28 @@ impl Contents {
         self.chunks_kept = self.chunks.len();
     }
 
-    /// Reads schemas and channels from a chunk. Returns `None` if its content is damaged.
+    /// Reads schemas and channels from a chunk. Returns `None` if its content is damaged: its checksum is looked at
+    /// before anything in it is believed.
     fn read_chunk(&mut self, body: &[u8]) -> Option<records::ChunkHeader> {
-        let Ok(Record::Chunk { header, data }) = mcap::parse_record(op::CHUNK, body) else { return None };
-        for record in mcap::read::ChunkReader::new(header.clone(), &data).ok()? {
-            match record.ok()? {
+        let header = chunk_header(body)?;
+        let head = [&[op::CHUNK][..], &(body.len() as u64).to_le_bytes()].concat();
+        let mut bytes = head.as_slice().chain(body);
+        let options = LinearReaderOptions::default()
+            .with_skip_start_magic(true)
+            .with_skip_end_magic(true)
+            .with_prevalidate_chunk_crcs(true)
+            .with_record_length_limit(MOST_CHUNK_BYTES);
+        let mut reader = LinearReader::new_with_options(options);
+        while let Some(event) = reader.next_event() {
+            let (opcode, data) = match event.ok()? {
+                LinearReadEvent::ReadRequest(need) => {
+                    let read = bytes.read(reader.insert(need)).ok()?;
+                    reader.notify_read(read);
+                    continue;
+                }
+                LinearReadEvent::Record { opcode, data } => (opcode, data),
+            };
+            match mcap::parse_record(opcode, data).ok()? {
                 Record::Schema { header, data } => {
                     self.schemas.insert(header.id, (header, data.into_owned()));
                 }

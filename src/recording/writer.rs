@@ -168,7 +168,11 @@ impl Writer {
         let damaged =
             |error: McapError| RecordingError::Damaged { path: earlier.to_owned(), reason: error.to_string() };
         let mut file = File::open(earlier).map_err(RecordingError::io("open", earlier))?.take(length);
-        let options = LinearReaderOptions::default().with_skip_end_magic(true).with_validate_chunk_crcs(true);
+        // Checked before a chunk is unfolded: a damaged length may say anything.
+        let options = LinearReaderOptions::default()
+            .with_skip_end_magic(true)
+            .with_prevalidate_chunk_crcs(true)
+            .with_record_length_limit(1 << 30);
         let mut reader = LinearReader::new_with_options(options);
         let mut frames = 0;
         while let Some(event) = reader.next_event() {

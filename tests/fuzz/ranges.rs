@@ -113,10 +113,10 @@ fn judge(answer: &Answer) {
 fn range() {
     let dir = tempfile::tempdir().unwrap();
     let mut server = Server::start(dir.path());
-    let head = format!("PUT /v1/assets HTTP/1.1\r\nHost: a\r\nContent-Length: {}\r\n\r\n", FILE.len());
+    let head = format!("PUT /v1/assets HTTP/1.1\r\nHost: localhost\r\nContent-Length: {}\r\n\r\n", FILE.len());
     let put = server.call(&[head.as_bytes(), FILE].concat());
     let path = put.header("location").expect("the file is kept").to_owned();
-    let whole = server.call(format!("GET {path} HTTP/1.1\r\nHost: a\r\n\r\n").as_bytes());
+    let whole = server.call(format!("GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n").as_bytes());
     let tag = whole.header("etag").expect("it has a version").to_owned();
     let date = whole.header("last-modified").unwrap_or("Sat, 29 Oct 1994 19:43:31 GMT");
     let headers = [
@@ -134,7 +134,7 @@ fn range() {
         // The first line is the range, the second the condition; more of them would be other headers.
         let clean = |line: &[u8]| line.iter().copied().filter(|c| !b"\r\n".contains(c)).collect::<Vec<u8>>();
         let mut lines = input.splitn(2, |c| *c == b'\n').map(clean);
-        let mut request = format!("GET {path} HTTP/1.1\r\nHost: a\r\nRange: ").into_bytes();
+        let mut request = format!("GET {path} HTTP/1.1\r\nHost: localhost\r\nRange: ").into_bytes();
         request.extend(lines.next().unwrap_or_default());
         if let Some(condition) = lines.next() {
             request.extend(b"\r\nIf-Range: ");

@@ -23,7 +23,15 @@ pub fn mesh(bytes: &[u8]) -> Result<TriangleMesh, MeshError> {
     if bytes.starts_with(b"glTF") && bytes.get(8..12).is_none_or(|length| length[0] < 12 && length[1..] == [0; 3]) {
         return Err(MeshError::new("the glTF is broken: it is shorter than its head"));
     }
-    let file = gltf::Gltf::from_slice(bytes).map_err(|error| MeshError(format!("the glTF is broken: {error}")))?;
+    let unread = |error: gltf::Error| MeshError(format!("the glTF is broken: {error}"));
+    // The reader's own checks look these up.
+    let unchecked = gltf::Gltf::from_slice_without_validation(bytes).map_err(unread)?;
+    let root = unchecked.document.as_json();
+    let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    if primitives.flat_map(|primitive| primitive.attributes.values()).any(|at| at.value() >= root.accessors.len()) {
+        return Err(broken("attributes"));
+    }
+    let file = gltf::Gltf::from_slice(bytes).map_err(unread)?;
     let mut buffers: Vec<Cow<[u8]>> = Vec::new();
     for buffer in file.buffers() {
         buffers.push(match buffer.source() {

@@ -86,7 +86,8 @@ pub struct Shared {
 }
 
 impl Shared {
-    fn new(workers: usize) -> Self {
+    /// Of so many workers, whose devices are being opened.
+    pub fn new(workers: usize) -> Self {
         Self {
             wake: Notify::new(),
             stop: OnceLock::new(),

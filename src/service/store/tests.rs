@@ -28,9 +28,9 @@ fn folders_of_forgotten_jobs_are_swept() {
     let dir = tempfile::tempdir().unwrap();
     let data = DataDir::open(dir.path()).unwrap();
     let (kept, forgotten) = (Uuid::now_v7(), Uuid::now_v7());
-    data.job(kept).reset().unwrap();
-    data.job(forgotten).reset().unwrap();
+    data.job(kept).attempt(1).create().unwrap();
+    data.job(forgotten).attempt(1).create().unwrap();
     data.sweep(&HashSet::from([kept])).unwrap();
-    assert!(data.job(kept).recording().parent().unwrap().exists());
-    assert!(!data.job(forgotten).recording().parent().unwrap().exists());
+    assert!(data.job(kept).attempts().unwrap() == [1]);
+    assert!(data.job(forgotten).attempts().unwrap().is_empty());
 }

@@ -11,6 +11,9 @@ use crate::state::{put, put_reactions, put_touch};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::touch::Touch;
 
+/// No domain has blocks so far from its corner.
+const FARTHEST_BLOCK: u32 = 1 << 20;
+
 impl<T: Real + Pod, const D: usize> Simulation<T, D> {
     pub fn save(&self, to: &mut dyn Write) -> io::Result<()> {
         put(to, &[self.time_s])?;
@@ -37,6 +40,9 @@ impl<T: Real + Pod, const D: usize> Simulation<T, D> {
             let field = get_one(from)?;
             let mut coordinates = [0; D];
             get_into(from, &mut coordinates)?;
+            if coordinates.iter().any(|c: &i32| c.unsigned_abs() > FARTHEST_BLOCK) {
+                return Err(foreign(&format!("a block at {coordinates:?}")));
+            }
             let chunks = (0..get_count(from, most, "chunks")?).map(|_| self.restore_chunk(from));
             let chunks = chunks.collect::<io::Result<Vec<_>>>()?;
             let (inside, planes) = (self.inside(&coordinates), self.planes(&coordinates));
