@@ -51,7 +51,7 @@ pub struct Arguments {
         env = "GRIDFALL_CHECKPOINT_SECONDS"
     )]
     checkpoint_seconds: f64,
-    /// Let pages of this origin use the API, such as https://app.example. Repeatable.
+    /// Let pages of this origin use the API, its scheme, host and port. Repeatable.
     #[arg(long, value_name = "ORIGIN", value_parser = origin, env = "GRIDFALL_CORS_ORIGIN", value_delimiter = ',')]
     cors_origin: Vec<String>,
     /// A name by which clients reach the server, besides its addresses and localhost. Requests that
