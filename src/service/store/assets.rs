@@ -1,12 +1,10 @@
 //! Uploads: files in the data directory, named by the SHA-256 of their bytes.
 
-use std::fs::{self, File};
-use std::io::{self, Write};
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
-use sha2::{Digest, Sha256};
-use uuid::Uuid;
-
+use super::hashed;
 use gridfall_scene::assets::{Assets, Refusal, Source};
 
 /// One upload.
@@ -28,30 +26,18 @@ pub struct AssetFiles {
 impl AssetFiles {
     /// Creates the folder if necessary and removes incomplete files that a crash left.
     pub(super) fn open(dir: PathBuf) -> io::Result<Self> {
-        fs::create_dir_all(&dir)?;
-        for entry in fs::read_dir(&dir)? {
-            let path = entry?.path();
-            if path.extension().is_some_and(|extension| extension == "partial") {
-                fs::remove_file(path)?;
-            }
-        }
+        hashed::open(&dir)?;
         Ok(Self { dir })
     }
 
     /// Stores the bytes. Returns false if they were there already.
     pub fn put(&self, bytes: &[u8], kind: &str) -> io::Result<(Asset, bool)> {
-        let hex: String = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        let hex = hashed::name(bytes);
         let asset = Asset { id: format!("sha256:{hex}"), bytes: bytes.len() as u64, kind: kind.to_owned() };
         if self.find(&asset.id)?.is_some() {
             return Ok((asset, false));
         }
-        // Renamed when complete, so that no reader ever sees half a file.
-        let partial = self.dir.join(format!("{}.partial", Uuid::now_v7()));
-        let mut file = File::create(&partial)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        fs::rename(&partial, self.dir.join(format!("{hex}.{kind}")))?;
-        File::open(&self.dir)?.sync_all()?;
+        hashed::write(&self.dir, &format!("{hex}.{kind}"), bytes)?;
         Ok((asset, true))
     }
 

@@ -11,6 +11,7 @@ mod database;
 mod files;
 mod filter;
 mod groups;
+mod hashed;
 mod job;
 mod requests;
 mod row;

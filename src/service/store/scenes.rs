@@ -1,11 +1,10 @@
 //! Scenes kept for later: files in the data directory, named by the SHA-256 of their bytes.
 
-use std::fs::{self, File};
-use std::io::{self, Write};
+use std::fs;
+use std::io;
 use std::path::PathBuf;
 
-use sha2::{Digest, Sha256};
-use uuid::Uuid;
+use super::hashed;
 
 const PREFIX: &str = "sha256:";
 
@@ -18,30 +17,18 @@ pub struct SceneFiles {
 impl SceneFiles {
     /// Creates the folder if necessary and removes incomplete files that a crash left.
     pub(super) fn open(dir: PathBuf) -> io::Result<Self> {
-        fs::create_dir_all(&dir)?;
-        for entry in fs::read_dir(&dir)? {
-            let path = entry?.path();
-            if path.extension().is_some_and(|extension| extension == "partial") {
-                fs::remove_file(path)?;
-            }
-        }
+        hashed::open(&dir)?;
         Ok(Self { dir })
     }
 
     /// Keeps a document. Returns its id, and false if it was there already.
     pub fn put(&self, document: &str) -> io::Result<(String, bool)> {
-        let hex: String = Sha256::digest(document).iter().map(|byte| format!("{byte:02x}")).collect();
-        let (id, target) = (format!("{PREFIX}{hex}"), self.dir.join(format!("{hex}.json")));
-        if target.exists() {
+        let hex = hashed::name(document.as_bytes());
+        let (id, name) = (format!("{PREFIX}{hex}"), format!("{hex}.json"));
+        if self.dir.join(&name).exists() {
             return Ok((id, false));
         }
-        // Renamed when complete, so that no reader ever sees half a file.
-        let partial = self.dir.join(format!("{}.partial", Uuid::now_v7()));
-        let mut file = File::create(&partial)?;
-        file.write_all(document.as_bytes())?;
-        file.sync_all()?;
-        fs::rename(&partial, target)?;
-        File::open(&self.dir)?.sync_all()?;
+        hashed::write(&self.dir, &name, document.as_bytes())?;
         Ok((id, true))
     }
 
