@@ -33,7 +33,7 @@ impl JobStore {
         let now = self.clock.now();
         let row: Option<ClaimRow> = sqlx::query_as(AssertSqlSafe(format!(
             "UPDATE jobs SET status = 'running', attempt = attempt + 1, owner = $1, lease_until = $2, \
-               started_at = $3, backend = NULL, \
+               started_at = CASE WHEN created_at > $3 THEN created_at ELSE $3 END, backend = NULL, \
                sim_time_s = CASE WHEN checkpoint_frame IS NULL THEN 0.0 ELSE sim_time_s END, \
                step = CASE WHEN checkpoint_frame IS NULL THEN 0 ELSE step END, \
                frames_written = CASE WHEN checkpoint_frame IS NULL THEN 0 ELSE frames_written END, \
