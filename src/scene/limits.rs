@@ -9,7 +9,8 @@ pub struct Limits {
     /// Steps of the whole run.
     pub max_steps: u64,
     /// Work of finding out how many particles a scene has: distances asked for, each counted as
-    /// many times as its shape has parts. A core does a hundred million or two in a second.
+    /// many times as its shape has parts. A core does a hundred million or two in a second. Sampling
+    /// meshes and heightfields may take four times as much besides.
     pub max_work: u64,
 }
 

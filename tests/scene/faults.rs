@@ -106,6 +106,19 @@ fn a_scene_that_is_costly_to_judge_is_refused_and_the_costly_part_named() {
 }
 
 #[test]
+fn meshes_that_are_costly_to_sample_are_refused() {
+    let waves = |n: u32| -> Vec<Vec<f64>> {
+        let height = |i: u32, j: u32| 0.3 + 0.05 * f64::from(i).sin() * f64::from(j).cos();
+        (0..n).map(|j| (0..n).map(|i| height(i, j)).collect()).collect()
+    };
+    let shape = json!({ "heightfield": { "min": [0, 0], "max": [1, 1], "base": 0, "heights": waves(40) } });
+    let costly = changed(good(), &[("/bodies/1/shape", shape)]);
+    let limits = |max_work| Limits { max_work, ..Limits::default() };
+    expect(&costly, &limits(20_000), &[("/bodies/1/shape/heightfield", "too_costly")]);
+    expect(&costly, &limits(20_000_000), &[]);
+}
+
+#[test]
 fn a_thin_shape_that_is_costly_to_sample_is_refused() {
     let shell =
         json!({ "shell": { "thickness": 0.005, "shape": { "sphere": { "center": [0.5, 0.5, 0.5], "radius": 0.2 } } } });

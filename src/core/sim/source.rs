@@ -31,6 +31,10 @@ impl Effort {
         Self { spent: AtomicU64::new(0), most }
     }
 
+    pub fn unlimited() -> Self {
+        Self::at_most(u64::MAX)
+    }
+
     pub fn is_over(&self) -> bool {
         self.spent.load(Relaxed) > self.most
     }

@@ -52,14 +52,15 @@ impl Bvh {
     }
 
     /// Distance to the nearest triangle (m) and its place in the tree. `guess`, a place that is
-    /// probably near, saves most of the search.
-    pub fn nearest(&self, x: [f64; 3], guess: usize) -> (f64, usize) {
+    /// probably near, saves most of the search. Adds the nodes that were looked at to `visited`.
+    pub fn nearest(&self, x: [f64; 3], guess: usize, visited: &mut u64) -> (f64, usize) {
         let mut best =
             self.faces.get(guess).map_or((f64::INFINITY, guess), |face| (distance2(x, &face.corners), guess));
         let mut open = Vec::with_capacity(64);
         open.push((0usize, 0.0));
         while let Some((n, least)) = open.pop() {
             let Some(node) = self.nodes.get(n).filter(|_| least < best.0) else { continue };
+            *visited += 1;
             if node.count > 0 {
                 for n in node.start as usize..(node.start + node.count) as usize {
                     let d2 = distance2(x, &self.faces[n].corners);
@@ -90,19 +91,25 @@ impl Bvh {
         }
     }
 
+    /// Distance to the triangle at a place in the tree (m).
+    pub fn distance_to(&self, place: usize, x: [f64; 3]) -> f64 {
+        distance2(x, &self.faces[place].corners).sqrt()
+    }
+
     /// The corners of the triangle at a place in the tree.
     pub fn corners(&self, place: usize) -> &[[f64; 3]; 3] {
         &self.faces[place].corners
     }
 
     /// The generalized winding number (Jacobson et al. 2013): 1 inside a closed mesh, 0 outside,
-    /// and between the two near holes.
-    pub fn winding(&self, x: [f64; 3]) -> f64 {
+    /// and between the two near holes. Adds the nodes that were looked at to `visited`.
+    pub fn winding(&self, x: [f64; 3], visited: &mut u64) -> f64 {
         let mut sum = 0.0;
         let mut open = Vec::with_capacity(64);
         open.push(0usize);
         while let Some(n) = open.pop() {
             let Some(node) = self.nodes.get(n) else { continue };
+            *visited += 1;
             let r = sub(node.center, x);
             let d2 = dot(r, r);
             if d2 > (FAR * node.radius).powi(2) {
@@ -180,10 +187,19 @@ fn build(nodes: &mut Vec<Node>, faces: &mut [Face], start: usize, end: usize) {
     if leaf {
         return;
     }
-    let axis = (0..3).max_by(|&a, &b| (upper[a] - lower[a]).total_cmp(&(upper[b] - lower[b]))).unwrap_or(0);
+    // Where middles are spread most: boxes of long triangles overlap along their length.
+    let key = |face: &Face, axis: usize| face.corners.iter().map(|v| v[axis]).sum::<f64>();
+    let spread = |axis: usize| {
+        let ends = own
+            .iter()
+            .map(|face| key(face, axis))
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
+        ends[1] - ends[0]
+    };
+    let spreads = [0, 1, 2].map(spread);
+    let axis = (0..3).max_by(|&a, &b| spreads[a].total_cmp(&spreads[b])).unwrap_or(0);
     let middle = (end - start) / 2;
-    let key = |face: &Face| face.corners.iter().map(|v| v[axis]).sum::<f64>();
-    own.select_nth_unstable_by(middle, |a, b| key(a).total_cmp(&key(b)));
+    own.select_nth_unstable_by(middle, |a, b| key(a, axis).total_cmp(&key(b, axis)));
     build(nodes, faces, start, start + middle);
     nodes[n].start = nodes.len() as u32;
     build(nodes, faces, start + middle, end);

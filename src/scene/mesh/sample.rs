@@ -1,11 +1,14 @@
 //! A mesh's distance on a lattice.
 
+use std::sync::atomic::Ordering::Relaxed;
+
 use gridfall_core::sim::collider::DistanceField;
+use gridfall_core::sim::source::Effort;
 use rayon::prelude::*;
 
 use super::bvh::Bvh;
-use super::sheet;
 use super::triangles::TriangleMesh;
+use super::{inside, nearest, sheet};
 use crate::schema::Fill;
 
 /// Most samples of one field: 64 MiB, and up to a few minutes on one core for a mesh of a million
@@ -22,9 +25,9 @@ const ASIDE: [f64; 3] = [0.173205, 0.223607, 0.331662];
 /// The lattice that a mesh will be sampled on.
 #[derive(Clone, Copy, Debug)]
 pub struct Plan {
-    origin: [f64; 3],
-    spacing: f64,
-    size: [usize; 3],
+    pub(super) origin: [f64; 3],
+    pub(super) spacing: f64,
+    pub(super) size: [usize; 3],
     bounds: [[f64; 3]; 2],
 }
 
@@ -57,49 +60,43 @@ impl Plan {
     /// becomes u (1 - 2w): it is ±u far from holes and crosses zero smoothly where a hole is closed.
     ///
     /// The samples of a sheet are distances without a sign, and the sides of cells (see [`sheet`]).
-    pub fn sample(&self, mesh: &TriangleMesh, fill: Fill) -> DistanceField {
+    ///
+    /// `effort` counts nodes and triangles that were looked at. None if it takes too much.
+    pub fn sample(&self, mesh: &TriangleMesh, fill: Fill, effort: &Effort) -> Option<DistanceField> {
         let bvh = Bvh::new(mesh);
         let mut plan = *self;
         if fill == Fill::Sheet {
             (0..3).for_each(|a| plan.origin[a] += ASIDE[a] * plan.spacing);
         }
-        let mut field = plan.distances(&bvh, fill);
+        let mut field = plan.distances(&bvh, fill, effort);
         if fill == Fill::Sheet {
-            sheet::add_sides(&mut field, mesh, &bvh);
+            sheet::add_sides(&mut field, mesh, &bvh, effort);
         }
-        field
+        (!effort.is_over()).then_some(field)
     }
 
-    fn distances(&self, bvh: &Bvh, fill: Fill) -> DistanceField {
-        let [nx, ny, _] = self.size;
-        let mut samples = vec![0.0; self.size.iter().product()];
-        samples.par_chunks_mut(nx).enumerate().for_each(|(row, samples)| {
-            let at = |i: usize| -> [f64; 3] {
-                let index = [i, row % ny, row / ny];
-                std::array::from_fn(|a| self.origin[a] + index[a] as f64 * self.spacing)
-            };
-            let (mut before, mut sign, mut triangle) = (f64::INFINITY, 1.0, 0);
-            for (i, sample) in samples.iter_mut().enumerate() {
-                let x = at(i);
-                // Neighbouring samples have close nearest triangles.
-                let (u, nearest) = bvh.nearest(x, triangle);
-                let value = match fill {
-                    Fill::Sheet => u,
-                    Fill::WindingNumber => u * (1.0 - 2.0 * bvh.winding(x).clamp(0.0, 1.0)),
-                    Fill::Watertight => {
-                        // No surface lies between two samples that are farther from it than from
-                        // each other.
-                        if i == 0 || before <= self.spacing {
-                            sign = if bvh.winding(x) > 0.5 { -1.0 } else { 1.0 };
-                        }
-                        sign * u
-                    }
-                };
-                *sample = value as f32;
-                (before, triangle) = (u, nearest);
-            }
-        });
+    /// Left unfinished where `effort` is over.
+    fn distances(&self, bvh: &Bvh, fill: Fill, effort: &Effort) -> DistanceField {
+        let mut samples = nearest::distances(self, bvh, effort);
+        match fill {
+            Fill::Sheet => {}
+            Fill::Watertight => inside::negate(self, bvh, &mut samples, effort),
+            Fill::WindingNumber => samples.par_iter_mut().enumerate().for_each(|(index, u)| {
+                if !effort.is_over() {
+                    let mut visited = 0;
+                    let winding = bvh.winding(self.point(index), &mut visited).clamp(0.0, 1.0);
+                    *u = (f64::from(*u) * (1.0 - 2.0 * winding)) as f32;
+                    effort.spent.fetch_add(visited, Relaxed);
+                }
+            }),
+        }
         let Self { origin, spacing, size, bounds } = *self;
         DistanceField { origin, spacing, size, samples, sheet: fill == Fill::Sheet, bounds }
+    }
+
+    /// The place of a sample (m).
+    pub(super) fn point(&self, index: usize) -> [f64; 3] {
+        let index = [index % self.size[0], index / self.size[0] % self.size[1], index / (self.size[0] * self.size[1])];
+        std::array::from_fn(|a| self.origin[a] + index[a] as f64 * self.spacing)
     }
 }

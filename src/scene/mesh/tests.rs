@@ -1,5 +1,11 @@
 //! Formats, welding, watertightness, signed distances of meshes.
 
+use gridfall_core::sim::collider::FAR_ERROR;
+use gridfall_core::sim::source::Effort;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::bvh::Bvh;
 use super::triangles::dot;
 use super::*;
 use crate::schema::Fill;
@@ -187,7 +193,7 @@ fn a_ball_has_the_distances_of_a_ball() {
     let mesh = ball(48);
     assert_eq!(open(&mesh).0, 0);
     assert!(volume(&mesh) > 4.1);
-    let field = Plan::new(&mesh, 0.05, 3).sample(&mesh, Fill::Watertight);
+    let field = Plan::new(&mesh, 0.05, 3).sample(&mesh, Fill::Watertight, &Effort::unlimited()).unwrap();
     for k in 0..5000 {
         let x: [f64; 3] = std::array::from_fn(|a| f64::from((k * [37, 91, 53][a]) % 401) / 160.0 - 1.25);
         let exact = dot(x, x).sqrt() - 1.0;
@@ -204,13 +210,44 @@ fn a_ball_has_the_distances_of_a_ball() {
 }
 
 #[test]
+fn distances_are_exact_near_the_surface_and_hardly_off_far_from_it() {
+    const SEED: u64 = 15;
+    println!("seed {SEED}");
+    let mut random = ChaCha8Rng::seed_from_u64(SEED);
+    // A ball with dents, and triangles from 0.1 to 3 spacings long.
+    for n in [12, 40] {
+        let mut mesh = ball(n);
+        for v in &mut mesh.vertices {
+            let dent = random.random_range(0.9..1.0);
+            *v = v.map(|x| dent * x);
+        }
+        let plan = Plan::new(&mesh, 0.03, 3);
+        let field = plan.sample(&mesh, Fill::Watertight, &Effort::unlimited()).unwrap();
+        let bvh = Bvh::new(&mesh);
+        let mut worst = 0.0f64;
+        for _ in 0..20_000 {
+            let at = random.random_range(0..field.samples.len());
+            let x = plan.point(at);
+            let (exact, found) = (bvh.nearest(x, 0, &mut 0).0, f64::from(field.samples[at]));
+            let is_inside = bvh.winding(x, &mut 0) > 0.5;
+            assert!(exact < 1e-6 || is_inside == (found < 0.0), "{x:?}: {found}");
+            let off = (found.abs() - exact) / field.spacing;
+            assert!(off > -1e-5 && (exact > 4.0 * field.spacing || off < 1e-5), "{x:?}: {found}, {exact} is right");
+            worst = worst.max(off);
+        }
+        println!("{n}: off by {worst} spacings at most");
+        assert!(worst < FAR_ERROR, "{worst}");
+    }
+}
+
+#[test]
 fn winding_numbers_close_holes() {
     // Without its top, a cube is filled up to where the top was and little beyond.
     let mut mesh = cube();
     mesh.triangles.retain(|t| !t.iter().all(|v| mesh.vertices[*v as usize][2] == 1.0));
     assert_eq!(mesh.triangles.len(), 10);
     assert_eq!(open(&mesh).0, 4);
-    let field = Plan::new(&mesh, 0.0625, 3).sample(&mesh, Fill::WindingNumber);
+    let field = Plan::new(&mesh, 0.0625, 3).sample(&mesh, Fill::WindingNumber, &Effort::unlimited()).unwrap();
     let inside = |x: [f64; 3]| field.distance(x) < 0.0;
     assert!(inside([0.5, 0.5, 0.5]) && inside([0.1, 0.9, 0.9]) && inside([0.5, 0.5, 0.7]));
     assert!(!inside([0.5, 0.5, 1.1]) && !inside([0.5, 0.5, -0.05]) && !inside([1.05, 0.5, 0.5]));
@@ -236,7 +273,7 @@ fn a_heightfield_is_closed_and_has_its_volume() {
     let section = heightfield::section(&[-1.0], &[2.0], 0.5, &[vec![1.0, 2.0]]).unwrap();
     assert_eq!(open(&section).0, 0);
     assert!(volume(&section) > 0.0);
-    let field = Plan::new(&section, 0.1, 2).sample(&section, Fill::Watertight);
+    let field = Plan::new(&section, 0.1, 2).sample(&section, Fill::Watertight, &Effort::unlimited()).unwrap();
     assert_eq!(field.size[2], 1);
     for (x, y, expected) in [(0.5, 0.6, -0.1), (0.5, 0.3, 0.2), (-1.2, 0.7, 0.2), (0.5, 1.5, 0.0)] {
         let d = field.distance([x, y, 0.0]);
@@ -248,13 +285,15 @@ fn a_heightfield_is_closed_and_has_its_volume() {
 fn the_filled_volume_is_that_of_the_body() {
     for (mesh, spacing) in [(cube(), 0.07), (ball(48), 0.05)] {
         let exact = volume(&mesh);
-        let filled = filled_volume(&Plan::new(&mesh, spacing, 3).sample(&mesh, Fill::Watertight));
+        let filled =
+            filled_volume(&Plan::new(&mesh, spacing, 3).sample(&mesh, Fill::Watertight, &Effort::unlimited()).unwrap());
         assert!((filled / exact - 1.0).abs() < 1e-2, "{filled} m³, {exact} expected");
     }
     // A sheet far thinner than the lattice is hardly there.
     let mut sheet = cube();
     sheet.vertices.iter_mut().for_each(|v| v[2] = 0.003 * v[2] + 0.4321);
-    let filled = filled_volume(&Plan::new(&sheet, 0.07, 3).sample(&sheet, Fill::Watertight));
+    let filled =
+        filled_volume(&Plan::new(&sheet, 0.07, 3).sample(&sheet, Fill::Watertight, &Effort::unlimited()).unwrap());
     assert!(!(0.5 * 0.003..2.0 * 0.003).contains(&filled), "{filled}");
 }
 

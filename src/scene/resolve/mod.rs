@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use gridfall_core::sim::collider::DistanceField;
 use gridfall_core::sim::notice::Notice;
+use gridfall_core::sim::source::Effort;
 
 use crate::assets::{Assets, Refusal, Source};
 use crate::fault::{Faults, join};
@@ -16,6 +17,10 @@ use crate::mesh::{MAX_SAMPLES, Mended, Plan, TriangleMesh, heightfield};
 use crate::points;
 use crate::schema::{Fill, Points, Scene, Shape};
 use crate::shape::Fields;
+
+/// What sampling meshes and heightfields may take, in parts of [`Limits::max_work`]: enough for one of a
+/// hundred cells in each direction.
+const SAMPLING: u64 = 4;
 
 /// Samples of a field along a cell of the grid.
 const SAMPLES_PER_CELL: f64 = 2.0;
@@ -44,6 +49,7 @@ pub(crate) fn resolve(scene: &Scene, limits: &Limits, assets: &dyn Assets, fault
         assets,
         faults,
         memory_bytes: limits.max_memory_bytes,
+        effort: Effort::at_most(limits.max_work.saturating_mul(SAMPLING)),
         meshes: HashMap::new(),
         sampled: HashMap::new(),
         resolved: Resolved::default(),
@@ -78,6 +84,8 @@ struct Resolver<'a> {
     faults: &'a mut Faults,
     /// Memory left for samples (bytes).
     memory_bytes: u64,
+    /// The work of sampling.
+    effort: Effort,
     /// Meshes read and mended so far, as solids or as sheets; none where the file is at fault.
     meshes: HashMap<(FileKey, bool), Option<Arc<Mended>>>,
     /// Fields of meshes sampled so far, by file, filling and spacing (as bits).
@@ -156,13 +164,24 @@ impl Resolver<'_> {
             self.faults.add(at, "too_large", reason, "raise dx, or scale the shape down");
             return None;
         }
-        let bytes = 4 * samples;
+        // Distances, and while they are made their triangles, what is exact and regions.
+        let bytes = 17 * samples;
         if bytes > self.memory_bytes {
             let reason = format!("the shape's samples take {} MiB, more than is left of the limit", bytes >> 20);
             self.faults.add(at, "too_much_memory", reason, "raise dx, or scale the shape down");
             return None;
         }
-        self.memory_bytes -= bytes;
-        Some(Arc::new(plan.sample(mesh, fill)))
+        self.memory_bytes -= 4 * samples;
+        let field = plan.sample(mesh, fill, &self.effort);
+        if field.is_none() {
+            let reason = format!(
+                "sampling it takes too much work: it has {} triangles, and at half a dx {samples} samples",
+                mesh.triangles.len()
+            );
+            let remedy = "raise dx, scale the shape down, or simplify it; \
+                          `gridfall run` has no such limit, and the server's is --max-work";
+            self.faults.add(at, "too_costly", reason, remedy);
+        }
+        field.map(Arc::new)
     }
 }

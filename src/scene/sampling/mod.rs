@@ -180,7 +180,7 @@ impl Lattice {
     /// points. None if there are more than `most`, or if the surface is so large that counting
     /// takes more than work in proportion to `most`.
     pub fn count(&self, sdf: &Sdf, most: u64) -> Option<u64> {
-        self.count_within(sdf, most, &Effort::at_most(u64::MAX))
+        self.count_within(sdf, most, &Effort::unlimited())
     }
 
     /// [`Self::count`], which is also given up once the effort is over.

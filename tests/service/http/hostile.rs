@@ -152,6 +152,10 @@ fn values() -> Vec<(&'static str, Value)> {
         ),
         (shape, json!({ "heightfield": { "min": [0], "max": [1], "base": 0, "heights": [[0]] } })),
         (shape, json!({ "heightfield": { "min": [0], "max": [1], "base": 0, "heights": [] } })),
+        (
+            shape,
+            json!({ "heightfield": { "min": [0], "max": [1], "base": 0, "heights": [(0..3000).collect::<Vec<_>>()] } }),
+        ),
         (shape, json!({ "mesh": { "file": "/etc/passwd" } })),
         (shape, json!({ "mesh": { "asset": "sha256:../.." } })),
         (shape, json!({ "cylinder": { "center": [0.5, 0.5], "radius": 0.1, "height": 1 } })),

@@ -15,6 +15,10 @@ pub const FILLING: f64 = 0.8661;
 /// The least sample of a sheet (m): bits of smaller numbers may be lost on GPUs.
 const LEAST: f32 = 1e-30;
 
+/// Most by which a sample far from the surface may be too large (spacings). Of a ball with dents at
+/// random it is 0.11.
+pub const FAR_ERROR: f64 = 0.25;
+
 /// A signed distance field on a lattice in its own frame. The solid lies inside the lattice's box,
 /// away from its faces.
 ///
@@ -78,10 +82,10 @@ impl DistanceField {
 
     /// By how much the field may differ between two points beyond their distance (m). An
     /// interpolated value is a mean of exact ones, so it is off by no more than the mean distance
-    /// to their places, at most √¾ of the spacing. Two values differ by twice that. In a cell that a
-    /// sheet goes through, a value may be too small by the cell's diagonal.
+    /// to their places, at most √¾ of the spacing, and by [`FAR_ERROR`]. Two values differ by twice
+    /// that. In a cell that a sheet goes through, a value may be too small by the cell's diagonal.
     pub fn slack(&self) -> f64 {
-        3f64.sqrt() * if self.sheet { 1.5 } else { 1.0 } * self.spacing
+        (3f64.sqrt() * if self.sheet { 1.5 } else { 1.0 } + 2.0 * FAR_ERROR) * self.spacing
     }
 
     /// Half of the solid's least thickness along an axis (m), as far as samples tell: from ridges of the distance,

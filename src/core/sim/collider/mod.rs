@@ -4,7 +4,7 @@ mod field;
 mod motion;
 mod sdf;
 
-pub use field::{DistanceField, FILLING, SOLID, sided, sides};
+pub use field::{DistanceField, FAR_ERROR, FILLING, SOLID, sided, sides};
 pub use motion::{Instant, Keyframe, Motion, Pose, TIME_TIE_S};
 pub use sdf::{FLAT_HALF_EXTENT, Primitive, SDF_STACK, Sdf, SdfOp, axis_angle, rotate, rotate_back};
 

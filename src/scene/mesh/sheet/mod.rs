@@ -7,7 +7,10 @@
 //! triangle. Where that makes no two sides (three sheets at an edge, layers closer than a spacing), the
 //! cell is filled up, so that nothing gets through.
 
+use std::sync::atomic::Ordering::Relaxed;
+
 use gridfall_core::sim::collider::{DistanceField, SOLID, sided};
+use gridfall_core::sim::source::Effort;
 use rayon::prelude::*;
 
 use crate::mesh::bvh::Bvh;
@@ -30,8 +33,9 @@ const EDGES: [[usize; 2]; 12] =
 /// The edges around each face of a cell: lower x, upper x, lower y, …
 const FACES: [[usize; 4]; 6] = [[4, 10, 6, 8], [5, 11, 7, 9], [0, 9, 2, 8], [1, 11, 3, 10], [0, 5, 1, 4], [2, 7, 3, 6]];
 
-/// Adds the sides of all cells to a field of distances.
-pub fn add_sides(field: &mut DistanceField, mesh: &TriangleMesh, bvh: &Bvh) {
+/// Adds the sides of all cells to a field of distances. `effort` counts the triangles of cells; a field
+/// that takes too much is left unfinished.
+pub fn add_sides(field: &mut DistanceField, mesh: &TriangleMesh, bvh: &Bvh, effort: &Effort) {
     let rims = rims(mesh);
     let [nx, ny, nz] = field.size;
     let spacing = field.spacing;
@@ -47,7 +51,13 @@ pub fn add_sides(field: &mut DistanceField, mesh: &TriangleMesh, bvh: &Bvh) {
             let at = k + (c & 1) + nx * ((c >> 1 & 1) + ny * (c >> 2));
             f64::from(field.samples[at]) / spacing
         });
-        Cell::new(bvh, &rims, corner, spacing).map_or(0, |cell| cell.sides(bvh, &distances))
+        if effort.is_over() {
+            return 0;
+        }
+        Cell::new(bvh, &rims, corner, spacing).map_or(0, |cell| {
+            effort.spent.fetch_add(cell.triangles.len() as u64, Relaxed);
+            cell.sides(bvh, &distances)
+        })
     };
     let sides: Vec<u8> = (0..field.samples.len()).into_par_iter().map(sides).collect();
     field.samples.iter_mut().zip(sides).for_each(|(sample, sides)| *sample = sided(*sample, sides));
@@ -152,7 +162,7 @@ impl Cell {
         let at = |share: f64| -> [f64; 3] {
             std::array::from_fn(|a| self.corner[a] + (1.0 - share) * ends[0][a] + share * ends[1][a])
         };
-        let triangle = bvh.corners(bvh.nearest(at(0.5), 0).1);
+        let triangle = bvh.corners(bvh.nearest(at(0.5), 0, &mut 0).1);
         let n = normal(triangle);
         let [first, last] = [0.0, 1.0].map(|share| dot(n, sub(at(share), triangle[0])));
         (first < 0.0) != (last < 0.0)

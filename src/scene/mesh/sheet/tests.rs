@@ -7,6 +7,7 @@ use gridfall_core::sim::collider::{
 };
 use gridfall_core::sim::particles::IDENTITY;
 use gridfall_core::sim::setup::{Contact, ContactKind};
+use gridfall_core::sim::source::Effort;
 
 use crate::mesh::triangles::{TriangleMesh, cross, dot, sub};
 use crate::mesh::{Plan, bvh::Bvh};
@@ -45,7 +46,7 @@ fn wing(degrees: f64) -> [[f64; 3]; 4] {
 }
 
 fn field(mesh: &TriangleMesh) -> Arc<DistanceField> {
-    Arc::new(Plan::new(mesh, SPACING, 3).sample(mesh, Fill::Sheet))
+    Arc::new(Plan::new(mesh, SPACING, 3).sample(mesh, Fill::Sheet, &Effort::unlimited()).unwrap())
 }
 
 fn collider(field: &Arc<DistanceField>) -> Collider {
@@ -79,7 +80,7 @@ fn a_flat_sheet_is_where_it_is_on_both_sides() {
         let u = even(k);
         let local = [1.2 * u[0], 1.0 * u[1], 0.3 * u[2]];
         let x = rotate(&turn, local);
-        let exact = bvh.nearest(x, 0).0;
+        let exact = bvh.nearest(x, 0, &mut 0).0;
         let off = (field.distance(x) - exact).abs() / SPACING;
         let to_rim = (0.8 - local[0].abs()).min(0.6 - local[1].abs()) / SPACING;
         let class = if to_rim > 1.8 {
@@ -103,7 +104,7 @@ fn a_flat_sheet_is_where_it_is_on_both_sides() {
     for k in 0..100_000 {
         let u = even(k);
         let x = rotate(&turn, [1.2 * u[0], 1.0 * u[1], 0.0]);
-        assert!(field.distance(x) > 0.02 * SPACING || bvh.nearest(x, 0).0 < 1.1 * SPACING, "{x:?}");
+        assert!(field.distance(x) > 0.02 * SPACING || bvh.nearest(x, 0, &mut 0).0 < 1.1 * SPACING, "{x:?}");
     }
 }
 
@@ -120,7 +121,7 @@ fn a_folded_sheet_is_rounded_by_a_share_of_the_spacing() {
             let (s, c) = if k % 2 == 0 { (0.0, 1.0) } else { degrees.to_radians().sin_cos() };
             let x = rotate(&turn(), [along * c, along * s, 0.4 * u[1]]);
             let off = field.distance(x).abs() / SPACING;
-            assert!(bvh.nearest(x, 0).0 < 1e-9);
+            assert!(bvh.nearest(x, 0, &mut 0).0 < 1e-9);
             worst = worst.max(off);
             if along > 4.5 * SPACING {
                 far = far.max(off);
@@ -227,7 +228,7 @@ fn nothing_gets_through_a_sheet() {
             let to = std::array::from_fn(|a| on[a] + way[a]);
             if steep < 0.3
                 || !name.ends_with("ribbon") && rim.iter().any(|line| to_line(on, line) < AT_RIM * SPACING)
-                || [from, to].iter().any(|x| bvh.nearest(*x, 0).0 < 0.9 * SPACING)
+                || [from, to].iter().any(|x| bvh.nearest(*x, 0, &mut 0).0 < 0.9 * SPACING)
                 || field.distance(from) < 0.0
             {
                 continue;
