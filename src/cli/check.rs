@@ -25,7 +25,7 @@ const CALIBRATION_S: f64 = 2.0;
 /// device.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// The scene (JSON); - reads standard input.
+    /// The scene (JSON), or a recording with one; - reads standard input.
     scene: PathBuf,
     /// Replace a value of the scene, such as solver.kernel=quadratic; may be given several times.
     #[arg(long = "set", value_name = "PATH=VALUE")]

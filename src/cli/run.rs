@@ -1,5 +1,7 @@
 //! `gridfall run`: runs a scene without a server.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,14 +17,20 @@ use gridfall_core::sim::setup::{Problem, Setup};
 use gridfall_engine::choice::Devices;
 use gridfall_engine::{Backend, Control, EngineError};
 use gridfall_recording::Appearance;
+use gridfall_recording::embedded;
 use gridfall_recording::run::{self, FrameReport, Observer, Outputs, RunError, Subject};
 use gridfall_scene::assets::LocalFiles;
 use gridfall_scene::{self as scene, Limits, Scene, shown};
 
+/// So many bytes tell a recording from a scene.
+const MAGIC_BYTES: u64 = 8;
+/// More than the scene of a recording takes.
+const MOST_SCENE_BYTES: u64 = 1 << 30;
+
 /// Run a scene here, without a server, and write its recording.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// The scene (JSON); - reads standard input.
+    /// The scene (JSON), or a recording, whose scene is run again; - reads standard input.
     scene: PathBuf,
     /// The recording; SCENE's name with .mcap in the current directory by default.
     #[arg(short, long, value_name = "OUT.mcap")]
@@ -51,8 +59,10 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     if let Some(frames) = arguments.frames {
         problem.setup.frames = problem.setup.frames.min(frames);
     }
+    let recording = arguments.output.unwrap_or_else(|| default_output(&arguments.scene));
     let outputs = Outputs {
-        recording: arguments.output.unwrap_or_else(|| default_output(&arguments.scene)),
+        state: problem.setup.keep_state.then(|| recording.with_extension("state.npz")),
+        recording,
         thumbnail: None,
         diagnostics: arguments.diagnostics,
         solver: arguments.solver_diagnostics,
@@ -91,6 +101,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
             "recording": outputs.recording,
             "diagnostics": outputs.diagnostics,
             "solver_diagnostics": outputs.solver,
+            "state": outputs.state,
             "particles": particles,
             "frames_written": summary.frames_written,
             "steps": summary.steps,
@@ -111,6 +122,9 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
             summary.steps,
             speed / 1e6
         );
+        if let Some(state) = &outputs.state {
+            eprintln!("wrote {}, for a scene to start with", state.display());
+        }
     }
     Ok(())
 }
@@ -118,14 +132,33 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
 /// Reads and checks a scene file.
 pub fn load(path: &Path, overrides: &[String]) -> Result<(Scene, Problem), CliError> {
     let name = if path == Path::new("-") { "standard input".to_owned() } else { path.display().to_string() };
-    let text =
-        if path == Path::new("-") { std::io::read_to_string(std::io::stdin()) } else { std::fs::read_to_string(path) };
-    let text = text.map_err(|error| CliError::BadInput(format!("cannot read {name}: {error}")))?;
+    let text = read(path).map_err(|reason| CliError::BadInput(format!("cannot read {name}: {reason}")))?;
     let scene = scene::parse_with(&text, overrides);
     let files = files_beside(path);
     let judged =
         scene.and_then(|scene| scene::problem_with(&scene, &Limits::default(), &files).map(|problem| (scene, problem)));
     judged.map_err(|faults| CliError::Faults { scene: name, faults })
+}
+
+/// The text of a scene, or of the one that a recording carries.
+fn read(path: &Path) -> Result<String, String> {
+    let mut bytes = Vec::new();
+    if path == Path::new("-") {
+        std::io::stdin().read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+        return if embedded::is_recording(&bytes) { embedded::scene(&bytes) } else { text(bytes) };
+    }
+    let mut file = File::open(path).map_err(|error| error.to_string())?;
+    file.by_ref().take(MAGIC_BYTES).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    let recording = embedded::is_recording(&bytes);
+    // The scene is at the beginning of what may be gigabytes.
+    file.take(if recording { MOST_SCENE_BYTES } else { u64::MAX })
+        .read_to_end(&mut bytes)
+        .map_err(|error| error.to_string())?;
+    if recording { embedded::scene(&bytes) } else { text(bytes) }
+}
+
+fn text(bytes: Vec<u8>) -> Result<String, String> {
+    String::from_utf8(bytes).map_err(|error| format!("it is neither UTF-8 nor a recording: {error}"))
 }
 
 /// The files that a scene may name: those in its folder, or in the current one if the scene comes

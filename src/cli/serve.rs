@@ -13,7 +13,7 @@ use super::{CliError, interrupt};
 use gridfall_engine::choice::Devices;
 use gridfall_service::http::{self, Config, Options};
 use gridfall_service::jobs::retention::Keep;
-use gridfall_service::jobs::{EngineSource, OpenDevices};
+use gridfall_service::jobs::{EngineSource, OpenDevices, yield_to_requests};
 
 /// Run the server. It ends gracefully on SIGINT and SIGTERM: the running job goes back into the
 /// queue.
@@ -100,6 +100,10 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     if let Err(error) = rlimit::increase_nofile_limit(u64::MAX) {
         tracing::warn!(%error, "cannot raise the limit of open files");
     }
+    rayon::ThreadPoolBuilder::new()
+        .start_handler(|_| yield_to_requests())
+        .build_global()
+        .map_err(|error| CliError::Failed(format!("cannot start threads: {error}")))?;
     let options = Options {
         listen: arguments.listen,
         data_dir: arguments.data_dir,

@@ -10,6 +10,7 @@ mod appearance;
 pub mod checkpoint;
 mod colliders;
 mod diagnostics;
+pub mod embedded;
 mod excerpt;
 mod files;
 mod palette;
@@ -18,6 +19,7 @@ mod points;
 pub mod provenance;
 mod recovery;
 pub mod run;
+mod state;
 mod surface;
 mod writer;
 

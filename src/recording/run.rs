@@ -14,6 +14,7 @@ use crate::checkpoint::{self, Checkpoint, Draft};
 use crate::excerpt::Excerpt;
 use crate::files::RecordingError;
 use crate::picture::thumbnail_selection;
+use crate::state;
 use gridfall_core::sim::diagnostics::{Row, Totals};
 use gridfall_core::sim::inlet::Inlets;
 use gridfall_core::sim::setup::{OutputField, Setup};
@@ -31,6 +32,8 @@ pub struct Outputs {
     /// The steps of the implicit integrator (CSV), written with their frame. An explicit run leaves
     /// only the header.
     pub solver: Option<PathBuf>,
+    /// The last state (npz) of a run that keeps it ([`Setup::keep_state`]).
+    pub state: Option<PathBuf>,
     /// A folder for checkpoints, which [`Observer::checkpoint_due`] asks for.
     pub checkpoints: Option<PathBuf>,
 }
@@ -191,7 +194,12 @@ impl<'a> Run<'a> {
         let Self { subject, outputs, mut keeper, next } = self;
         let still = if outputs.thumbnail.is_some() { thumbnail_selection(subject.setup) } else { Vec::new() };
         let wanted = Wanted { recorded: keeper.wanted(), still };
-        let outcome = simulate(&mut keeper, engine, outputs, &wanted, next, observer);
+        let outcome = simulate(&mut keeper, engine, outputs, &wanted, next, observer).and_then(|summary| {
+            if let Some(path) = outputs.state.as_ref().filter(|_| subject.setup.keep_state) {
+                state::write(path, subject.setup.dimension, &engine.snapshot()?)?;
+            }
+            Ok(summary)
+        });
         let kept = keeper.finish(outputs, outcome.as_ref().err());
         outcome.and(kept)
     }

@@ -21,6 +21,7 @@ use super::picture::Camera;
 use super::points::Points;
 use super::{colliders, diagnostics};
 use crate::appearance::Appearance;
+use crate::embedded::SCENE;
 use crate::excerpt::{Excerpt, select, union};
 use crate::provenance;
 use gridfall_core::sim::diagnostics::{Row, SolverRow};
@@ -107,7 +108,7 @@ impl Writer {
             mcap.attach(&Attachment {
                 log_time: 0,
                 create_time: 0,
-                name: "scene.json".into(),
+                name: SCENE.into(),
                 media_type: "application/json".into(),
                 data: Cow::Borrowed(header.scene_json.as_bytes()),
             })?;

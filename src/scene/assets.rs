@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use crate::{mesh, points};
+use crate::{mesh, npz, points};
 
 /// Where a file is, according to the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -75,7 +75,7 @@ impl Refusal {
 
 /// The format of a file that a scene can use, or the reason why it cannot.
 pub fn examine(bytes: &[u8]) -> Result<&'static str, String> {
-    if points::is_npz(bytes) {
+    if npz::is_npz(bytes) {
         let read = points::read(bytes, 3).or_else(|error| points::read(bytes, 2).map_err(|_| error));
         return read.map(|_| "npz").map_err(|error| format!("it has no particles that can be used: {error}"));
     }

@@ -8,7 +8,7 @@
 //! ```text
 //! names, schema, fault, limits, suggest, vectors, memory
 //! document, overrides, size, structure               text and JSON to a scene
-//! mesh, points, assets                               files
+//! mesh, npz, points, state, assets                   files
 //! sampling, grid, shape                              lattices, streams, signed distances
 //! resolve
 //! validate, build
@@ -26,6 +26,7 @@ mod limits;
 mod memory;
 mod mesh;
 mod names;
+mod npz;
 mod overrides;
 mod points;
 mod resolve;
@@ -33,6 +34,7 @@ mod sampling;
 pub mod schema;
 mod shape;
 mod size;
+mod state;
 mod structure;
 mod suggest;
 mod validate;
@@ -125,7 +127,15 @@ pub fn problem_with(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Resu
 fn make(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Result<Problem, Vec<Fault>> {
     let resolved = judge(scene, limits, assets)?;
     let mut faults = Faults::default();
-    let problem = build::build(scene, &resolved);
+    let mut problem = build::build(scene, &resolved);
+    if let Some(start) = resolved.start
+        && let Err(reason) = build::begin_with(&mut problem, start, scene.solver.integrator)
+    {
+        let remedy = "give the scene the bodies of that run, with the same shapes, dx, sampling and seed; \
+                      or begin without `start`";
+        faults.add("/start", "other_bodies", reason, remedy);
+        return Err(faults.into_vec());
+    }
     for (n, body) in problem.setup.bodies.iter().take(scene.bodies.len()).enumerate() {
         if body.particles.is_empty() {
             let at = format!("/bodies/{n}/shape");

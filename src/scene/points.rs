@@ -1,18 +1,10 @@
 //! Particles from files: PLY (x, y, z; optionally vx, vy, vz) and npz (`x` n × d; optionally `v` n
 //! × d, `F` n × d × d and `volume`).
 
-use std::io::{Cursor, Read};
-
 use gridfall_core::sim::particles::IDENTITY;
-use npyz::{NpyFile, Order};
-use zip::ZipArchive;
-use zip::result::ZipError;
 
 use crate::mesh::ply;
-use crate::vectors::vector3;
-
-/// Most numbers of one array: 1 GiB.
-const MAX_NUMBERS: u64 = 1 << 27;
+use crate::npz::{self, Array};
 
 /// The particles of a file, in the order of the file. 2D points have z = 0 and F_zz = 1.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -27,15 +19,10 @@ pub struct Points {
     pub volume: Option<f64>,
 }
 
-/// Whether the bytes look like an npz.
-pub fn is_npz(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"PK\x03\x04")
-}
-
 /// Reads points of the given dimension. Errors say what is wrong with the file.
 pub fn read(bytes: &[u8], dimension: usize) -> Result<Points, String> {
-    let points = if is_npz(bytes) {
-        npz(bytes, dimension)?
+    let points = if npz::is_npz(bytes) {
+        from_npz(bytes, dimension)?
     } else if bytes.starts_with(b"ply") {
         let (x, v) = ply::points(bytes).map_err(|error| error.0)?;
         let flat = |v: [f64; 3]| if dimension == 2 { [v[0], v[1], 0.0] } else { v };
@@ -63,30 +50,14 @@ pub fn read(bytes: &[u8], dimension: usize) -> Result<Points, String> {
     Ok(points)
 }
 
-fn npz(bytes: &[u8], dimension: usize) -> Result<Points, String> {
-    let d = dimension as u64;
-    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| format!("the npz is broken: {error}"))?;
-    let Some(x) = array(&mut archive, "x")? else { return Err("it lacks the array `x` of positions".into()) };
+fn from_npz(bytes: &[u8], dimension: usize) -> Result<Points, String> {
+    let mut archive = npz::open(bytes)?;
+    let Some(x) = npz::array(&mut archive, "x")? else { return Err("it lacks the array `x` of positions".into()) };
     let n = x.shape.first().copied().unwrap_or(0);
-    let vectors = |array: Array, name: &str| -> Result<Vec<[f64; 3]>, String> {
-        array.expect(name, &[n, d])?;
-        Ok(array.values.chunks_exact(dimension).map(vector3).collect())
-    };
-    let x = vectors(x, "x")?;
-    let v = array(&mut archive, "v")?.map(|v| vectors(v, "v")).transpose()?;
-    let matrices = |array: Array| -> Result<Vec<[f64; 9]>, String> {
-        array.expect("F", &[n, d, d])?;
-        let matrix = |m: &[f64]| {
-            let mut f = IDENTITY;
-            for (k, value) in m.iter().enumerate() {
-                f[3 * (k / dimension) + k % dimension] = *value;
-            }
-            f
-        };
-        Ok(array.values.chunks_exact(dimension * dimension).map(matrix).collect())
-    };
-    let f = array(&mut archive, "F")?.map(matrices).transpose()?;
-    let volume = array(&mut archive, "volume")?.map(|volume| one_volume(&volume, n)).transpose()?;
+    let x = x.vectors("x", n, dimension)?;
+    let v = npz::array(&mut archive, "v")?.map(|v| v.vectors("v", n, dimension)).transpose()?;
+    let f = npz::array(&mut archive, "F")?.map(|f| f.matrices("F", n, dimension, IDENTITY)).transpose()?;
+    let volume = npz::array(&mut archive, "volume")?.map(|volume| one_volume(&volume, n)).transpose()?;
     Ok(Points { x, v, f, volume })
 }
 
@@ -100,65 +71,11 @@ fn one_volume(array: &Array, n: u64) -> Result<f64, String> {
     same.then_some(first).ok_or_else(|| "the volumes differ; give particles of one volume to one body each".into())
 }
 
-/// An array in row-major order.
-struct Array {
-    shape: Vec<u64>,
-    values: Vec<f64>,
-}
-
-impl Array {
-    fn expect(&self, name: &str, shape: &[u64]) -> Result<(), String> {
-        if self.shape == shape {
-            return Ok(());
-        }
-        Err(format!("the array `{name}` has the shape {:?}, where {shape:?} belongs", self.shape))
-    }
-}
-
-/// Reads an array of the archive; none if there is none of that name.
-fn array(archive: &mut ZipArchive<Cursor<&[u8]>>, name: &str) -> Result<Option<Array>, String> {
-    let broken = |error: &dyn std::fmt::Display| format!("the array `{name}` cannot be read: {error}");
-    let entry = match archive.by_name(&format!("{name}.npy")) {
-        Ok(entry) => entry,
-        Err(ZipError::FileNotFound) => return Ok(None),
-        Err(error) => return Err(broken(&error)),
-    };
-    let file = NpyFile::new(entry.take(8 * MAX_NUMBERS + (1 << 16))).map_err(|error| broken(&error))?;
-    let (shape, order) = (file.shape().to_vec(), file.order());
-    let count = shape.iter().try_fold(1u64, |n, k| n.checked_mul(*k));
-    if count.is_none_or(|n| n > MAX_NUMBERS) {
-        return Err(broken(&format!("{MAX_NUMBERS} numbers are the most")));
-    }
-    let read: Result<Vec<f64>, _> = match file.try_data::<f64>() {
-        Ok(values) => values.collect(),
-        Err(file) => match file.try_data::<f32>() {
-            Ok(values) => values.map(|value| value.map(f64::from)).collect(),
-            Err(_) => return Err(broken(&"it is of neither f4 nor f8 (float32 or float64)")),
-        },
-    };
-    let values = read.map_err(|error| broken(&error))?;
-    let values = if order == Order::Fortran { rows_first(&values, &shape) } else { values };
-    Ok(Some(Array { shape, values }))
-}
-
-/// Rearranges column-major values in row-major order.
-fn rows_first(values: &[f64], shape: &[u64]) -> Vec<f64> {
-    let place = |mut k: usize| {
-        // Digits of k, last axis fastest, become strides with the first axis fastest.
-        let mut digits = vec![0; shape.len()];
-        for (digit, n) in digits.iter_mut().zip(shape).rev() {
-            (*digit, k) = (k % *n as usize, k / *n as usize);
-        }
-        digits.iter().zip(shape).rev().fold(0, |at, (digit, n)| at * *n as usize + digit)
-    };
-    (0..values.len()).map(|k| values[place(k)]).collect()
-}
-
 #[cfg(test)]
 mod tests {
-    use std::io::Write;
+    use std::io::{Cursor, Write};
 
-    use npyz::WriterBuilder;
+    use npyz::{Order, WriterBuilder};
     use zip::ZipWriter;
     use zip::write::SimpleFileOptions;
 

@@ -40,6 +40,7 @@ fn unfinished(dir: &Path) -> Vec<Vec<u8>> {
         thumbnail: None,
         diagnostics: None,
         solver: None,
+        state: None,
         checkpoints: None,
     };
     let partial = recording::partial_path(&outputs.recording);

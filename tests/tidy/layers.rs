@@ -31,12 +31,14 @@ pub const SCENE: &[Layer] = &[
     ("size", &["fault"]),
     ("structure", &["schema", "fault", "suggest"]),
     ("mesh", &["schema"]),
-    ("points", &["mesh", "vectors"]),
-    ("assets", &["mesh", "points"]),
+    ("npz", &["vectors"]),
+    ("points", &["mesh", "npz"]),
+    ("state", &["npz"]),
+    ("assets", &["mesh", "npz", "points"]),
     ("sampling", &["schema"]),
     ("grid", &["schema", "vectors", "sampling"]),
     ("shape", &["schema", "fault", "vectors"]),
-    ("resolve", &["schema", "fault", "limits", "mesh", "points", "assets", "shape"]),
+    ("resolve", &["schema", "fault", "limits", "mesh", "points", "state", "assets", "shape"]),
     (
         "validate",
         &["names", "schema", "fault", "limits", "suggest", "vectors", "memory", "sampling", "grid", "shape", "resolve"],
@@ -71,7 +73,9 @@ pub const ENGINE: &[Layer] = &[
 
 pub const RECORDING: &[Layer] = &[
     ("provenance", &[]),
+    ("embedded", &[]),
     ("files", &[]),
+    ("state", &["files"]),
     ("surface", &[]),
     ("excerpt", &[]),
     ("diagnostics", &[]),
@@ -80,10 +84,13 @@ pub const RECORDING: &[Layer] = &[
     ("palette", &["appearance"]),
     ("points", &["excerpt", "colliders", "appearance", "palette"]),
     ("picture", &["excerpt", "colliders", "appearance", "palette"]),
-    ("writer", &["provenance", "files", "excerpt", "diagnostics", "colliders", "appearance", "points", "picture"]),
+    (
+        "writer",
+        &["provenance", "embedded", "files", "excerpt", "diagnostics", "colliders", "appearance", "points", "picture"],
+    ),
     ("recovery", &["files"]),
     ("checkpoint", &["provenance", "files"]),
-    ("run", &["files", "excerpt", "appearance", "picture", "writer", "checkpoint"]),
+    ("run", &["files", "excerpt", "appearance", "picture", "writer", "checkpoint", "state"]),
 ];
 
 pub const SERVICE: &[Layer] = &[("store", &[]), ("jobs", &["store"]), ("http", &["store", "jobs"])];

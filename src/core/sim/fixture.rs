@@ -76,6 +76,7 @@ pub fn problem(dimension: usize, dx: f64, materials: Vec<Material>, blocks: &[Bl
         frame_s: 1.0 / 50.0,
         fields: Vec::new(),
         preview_points: 1,
+        keep_state: false,
         seed: 1,
     };
     Problem { setup, particles }

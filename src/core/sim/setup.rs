@@ -84,6 +84,8 @@ pub struct Setup {
     pub frame_s: f64,
     pub fields: Vec<OutputField>,
     pub preview_points: usize,
+    /// Whether the last state is kept.
+    pub keep_state: bool,
     pub seed: u64,
 }
 

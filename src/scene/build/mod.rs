@@ -6,6 +6,7 @@ mod neighbours;
 
 use gridfall_core::sim::cost;
 use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::settings::Integrator;
 use gridfall_core::sim::setup::{Axis, Body, Contact, Problem, Setup};
 use rayon::prelude::*;
 
@@ -47,6 +48,7 @@ pub(crate) fn build(scene: &Scene, resolved: &Resolved) -> Problem {
         frame_s: 1.0 / scene.time.frame_rate,
         fields: scene.output.fields.clone(),
         preview_points: scene.output.preview_points as usize,
+        keep_state: scene.output.state,
         seed: scene.seed,
     };
     let mut problem = Problem { setup, particles: Particles::default() };
@@ -76,6 +78,34 @@ pub(crate) fn build(scene: &Scene, resolved: &Resolved) -> Problem {
     (problem.setup.integrator, problem.setup.integrator_reason) =
         cost::choose(&problem.setup, &problem.particles, scene.solver.integrator);
     problem
+}
+
+/// Gives the particles of a problem another state, in sampling order.
+///
+/// # Errors
+/// When it is not of as many particles of each body.
+pub(crate) fn begin_with(problem: &mut Problem, state: Particles, integrator: Integrator) -> Result<(), String> {
+    let mut counts = vec![0; problem.setup.bodies.len()];
+    for &body in &state.body {
+        *counts
+            .get_mut(body as usize)
+            .ok_or_else(|| format!("the state has a body {body}, and the scene has not"))? += 1;
+    }
+    for (body, count) in problem.setup.bodies.iter().zip(counts) {
+        let own = body.particles.len();
+        if own != count {
+            let name = &body.name;
+            return Err(format!("the state has {count} particles of the body {name:?}, and the scene makes {own}"));
+        }
+    }
+    if state.body != problem.particles.body {
+        return Err("the state's particles are in another order than the scene's".into());
+    }
+    problem.particles = state;
+    // What is predicted from velocities and deformations.
+    let Problem { setup, particles } = problem;
+    (setup.integrator, setup.integrator_reason) = cost::choose(setup, particles, integrator);
+    Ok(())
 }
 
 fn axis(domain: &schema::Domain, a: usize, dimension: usize) -> Axis {

@@ -112,7 +112,7 @@ fn table() -> Vec<(Vec<String>, Value)> {
         (of(&["ConeShape.top_radius"]), not_negative.clone()),
         (of(&["Shape.union", "Shape.intersection"]), json!({ "minItems": 1 })),
         (of(&["Shape.difference"]), json!({ "minItems": 2 })),
-        (of(&["MeshShape.asset", "Points.asset"]), asset),
+        (of(&["MeshShape.asset", "Points.asset", "StartState.asset"]), asset),
         (of_solids("density"), within(&DENSITY)),
         (of(&["WeaklyCompressibleFluidMaterial.density"]), within(&DENSITY)),
         (of_solids("youngs_modulus"), positive.clone()),

@@ -8,15 +8,16 @@ use std::sync::Arc;
 
 use gridfall_core::sim::collider::DistanceField;
 use gridfall_core::sim::notice::Notice;
+use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::source::Effort;
 
 use crate::assets::{Assets, Refusal, Source};
 use crate::fault::{Faults, join};
 use crate::limits::Limits;
 use crate::mesh::{MAX_SAMPLES, Mended, Plan, TriangleMesh, heightfield};
-use crate::points;
-use crate::schema::{Fill, Points, Scene, Shape};
+use crate::schema::{Fill, Points, Scene, Shape, Start};
 use crate::shape::Fields;
+use crate::{points, state};
 
 /// What sampling meshes and heightfields may take, in parts of [`Limits::max_work`]: enough for one of a
 /// hundred cells in each direction.
@@ -33,6 +34,8 @@ pub(crate) struct Resolved {
     pub fields: Fields,
     /// Particles of bodies, by the pointer of their `points`.
     pub points: HashMap<String, points::Points>,
+    /// What the run begins with, if the scene has a `start`.
+    pub start: Option<Particles>,
     /// What was mended, and what may not be what the user meant.
     pub notices: Vec<Notice>,
 }
@@ -71,6 +74,9 @@ pub(crate) fn resolve(scene: &Scene, limits: &Limits, assets: &dyn Assets, fault
     }
     for (n, collider) in scene.colliders.iter().enumerate() {
         resolver.shape(&collider.shape, &format!("/colliders/{n}/shape"), spacing);
+    }
+    if let Some(start) = &scene.start {
+        resolver.start(start);
     }
     resolver.resolved
 }
@@ -145,6 +151,19 @@ impl Resolver<'_> {
                 let reason = format!("the points cannot be used: {error}");
                 let remedy = "write a PLY with x, y, z, or an npz with `x` (n × d), and `v`, `F`, `volume` if wanted";
                 self.faults.add(&join(&at, source.field()), "bad_points", reason, remedy);
+            }
+        }
+    }
+
+    fn start(&mut self, start: &Start) {
+        let Some(source) = Source::of(&start.asset, &start.file) else { return };
+        let Some(bytes) = self.bytes(source, "/start") else { return };
+        match state::read(&bytes, self.dimension) {
+            Ok(particles) => self.resolved.start = Some(particles),
+            Err(error) => {
+                let reason = format!("the state cannot be used: {error}");
+                let remedy = "take the state that a run with \"output\": {\"state\": true} of as many dimensions left";
+                self.faults.add(&join("/start", source.field()), "bad_state", reason, remedy);
             }
         }
     }

@@ -35,6 +35,9 @@ pub struct Scene {
     pub gravity: Option<Vector>,
     pub materials: BTreeMap<String, Material>,
     pub bodies: Vec<Body>,
+    /// What the run begins with instead of the bodies' first state: the last state of another run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<Start>,
     /// Shapes that emit material.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sources: Vec<Source>,
@@ -157,10 +160,28 @@ pub struct Output {
     pub fields: Vec<OutputField>,
     /// Points recorded per frame at most; more are decimated evenly.
     pub preview_points: u32,
+    /// Whether the run leaves its last state, for another run to `start` with.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub state: bool,
 }
 
 impl Default for Output {
     fn default() -> Self {
-        Self { fields: vec![OutputField::Velocity], preview_points: 200_000 }
+        Self { fields: vec![OutputField::Velocity], preview_points: 200_000, state: false }
     }
+}
+
+/// The last state of a run with `output.state`: an npz of all particles. The bodies of this scene must make as many
+/// particles as they did in that run; materials, colliders, gravity and times may be others. Time begins at 0. Give
+/// one of `asset` and `file`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "StartState")]
+pub struct Start {
+    /// Id of an asset that was uploaded to the server: `sha256:` and 64 hexadecimal digits.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub asset: Option<String>,
+    /// Path of a file, relative to the scene's; on the command line only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
 }

@@ -23,6 +23,7 @@ use domain::check_domain;
 use material::check_material;
 use motion::check_colliders;
 use plausible::{END, GRAVITY};
+use points::check_start;
 use solver::check_solver;
 pub(crate) use solver::{MAX_ERROR, MAX_LEVELS};
 
@@ -65,6 +66,7 @@ pub(crate) fn check(scene: &Scene, resolved: &Resolved, limits: &Limits, faults:
     }
     check_time(check, &scene.time);
     check_bodies(check);
+    check_start(check);
     check_colliders(check);
     check_solver(check, &scene.solver);
     check_output(check, &scene.output);

@@ -26,6 +26,9 @@ pub struct SubmitJob {
     /// Instead of `scene`: the id of one that was kept (`POST /v1/scenes`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene_id: Option<String>,
+    /// Begin with the last state of this job, whose scene had `output.state`. It becomes the scene's `start`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start_from: Option<Uuid>,
     /// Name of the job; the scene's by default.
     #[schema(min_length = 1, max_length = 200)]
     pub name: Option<String>,
@@ -57,6 +60,8 @@ pub struct SubmitJob {
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RerunJob {
+    /// Begin with the last state of this job, which may be the one that is run again.
+    pub start_from: Option<Uuid>,
     /// Name of the new job; the old one's by default.
     #[schema(max_length = 200)]
     pub name: Option<String>,

@@ -116,6 +116,7 @@ pub async fn submit_sweep(
         let label = format!("{name} {}", values_text.join(" "));
         let overrides = request.overrides.iter().chain(values.iter().copied());
         let job = SubmitJob {
+            start_from: None,
             scene: request.scene.clone(),
             scene_id: request.scene_id.clone(),
             name: Some(label.chars().filter(|c| !c.is_control()).take(200).collect::<String>().trim().to_owned()),

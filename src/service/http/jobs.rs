@@ -74,11 +74,12 @@ pub async fn rerun(
     require_space(&api)?;
     let (job, scene) = (api.store.get(id).await?, api.store.scene(id).await?);
     let (Some(job), Some(scene)) = (job, scene) else { return Err(Problem::job_not_found(id)) };
-    let RerunJob { name, overrides, tags, priority, deadline, max_cost } = request;
+    let RerunJob { start_from, name, overrides, tags, priority, deadline, max_cost } = request;
     let scene = serde_json::from_str(&scene).map_err(internal)?;
     let request = SubmitJob {
         scene: Some(scene),
         scene_id: None,
+        start_from,
         name: name.or(Some(job.name)),
         overrides,
         tags: tags.unwrap_or(job.tags),

@@ -168,6 +168,37 @@ pub async fn thumbnail(
     file.send(&method, &headers).await?.ok_or_else(|| missing("thumbnail", status))
 }
 
+/// The last state of a job whose scene has `output.state`: an npz with `x`, `v` (n × d), `B`, `F` (n × d × d),
+/// `plastic` and `body` (n) of all particles, in f64. Another job can begin with it (`start_from`, or `start` of a
+/// scene once it is an asset).
+#[utoipa::path(get, path = "/v1/jobs/{id}/state.npz", tag = "outputs", operation_id = "get_state",
+    params(
+        ("id" = Uuid, Path),
+        ("Range" = Option<String>, Header, description = "One byte range"),
+        ("If-Range" = Option<String>, Header, description = "`ETag` or `Last-Modified` that the range is of"),
+        ("If-None-Match" = Option<String>, Header, description = "`ETag` of an earlier answer"),
+    ),
+    responses(
+        (status = 200, content_type = "application/octet-stream", body = dto::Bytes, headers(("ETag" = String))),
+        (status = 206, content_type = "application/octet-stream", body = dto::Bytes,
+            headers(("ETag" = String), ("Content-Range" = String))),
+        (status = 304, description = "The state is as it was"),
+        (status = 404, body = dto::Problem, content_type = PROBLEM,
+            description = "`job_not_found`, `output_not_found`"),
+        (status = 416, body = dto::Problem, content_type = PROBLEM, description = "`range_not_satisfiable`"),
+    ))]
+pub async fn state(
+    State(api): State<Api>,
+    JobId(id): JobId,
+    method: Method,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let (files, status) = find(&api, id).await?;
+    let name = format!("gridfall-{id}.state.npz");
+    let file = FileAnswer { path: &files.state(), content_type: "application/octet-stream", download: Some(&name) };
+    file.send(&method, &headers).await?.ok_or_else(|| missing("state", status))
+}
+
 /// Energies, momenta, mass and time steps, one row per frame. Of a running job: those so far.
 #[utoipa::path(get, path = "/v1/jobs/{id}/diagnostics", tag = "outputs", operation_id = "get_diagnostics",
     params(("id" = Uuid, Path)),

@@ -7,7 +7,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::dto;
-use crate::store::StoreError;
+use crate::store::{JobStore, StoreError};
 use gridfall_scene::Fault;
 
 /// Declares the codes once: name, status and title.
@@ -59,12 +59,14 @@ codes! {
     InvalidRequest UNPROCESSABLE_ENTITY "The body has not the form of a request",
     InvalidAsset UNPROCESSABLE_ENTITY "The upload is nothing that scenes can use",
     InvalidScene UNPROCESSABLE_ENTITY "The scene has faults",
+    InvalidRecording UNPROCESSABLE_ENTITY "The upload is no recording with a scene",
     IdempotencyKeyReused UNPROCESSABLE_ENTITY "The idempotency key belongs to another request",
     CostExceeded UNPROCESSABLE_ENTITY "The run would cost more than allowed",
     QueueFull TOO_MANY_REQUESTS "The queue is full",
     Internal INTERNAL_SERVER_ERROR "The server failed",
     Overloaded SERVICE_UNAVAILABLE "The server is too busy",
     NotReady SERVICE_UNAVAILABLE "The server is not ready",
+    DatabaseAway SERVICE_UNAVAILABLE "The job database cannot be reached",
     DiskLow INSUFFICIENT_STORAGE "The disk is nearly full",
 }
 
@@ -149,6 +151,11 @@ impl Code {
 /// Failures that are not the client's: logged in full, reported briefly.
 impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
+        if JobStore::is_away(&error) {
+            tracing::error!(%error, "the job database cannot be reached");
+            let detail = "the job database cannot be reached; nothing is lost: ask again";
+            return Self::new(Code::DatabaseAway, detail).retry_after(5);
+        }
         internal(error)
     }
 }

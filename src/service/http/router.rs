@@ -42,14 +42,15 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         // /v1/jobs/{id}/solver, /v1/jobs/{id}/solver.csv
         .routes(routes!(outputs::solver))
         .routes(routes!(outputs::solver_csv))
-        // /v1/jobs/{id}/recording.mcap, recording-so-far.mcap, thumbnail.png
+        // /v1/jobs/{id}/recording.mcap, recording-so-far.mcap, thumbnail.png, state.npz
         .routes(routes!(outputs::recording))
         .routes(routes!(outputs::recording_so_far))
         .routes(routes!(outputs::thumbnail))
+        .routes(routes!(outputs::state))
         // /v1/scenes:validate
         .routes(routes!(scenes::validate))
         // /v1/scenes, /v1/scenes/{id}
-        .routes(routes!(scenes::keep, scenes::list))
+        .routes(routes!(scenes::keep, scenes::keep_of_recording, scenes::list))
         .routes(routes!(scenes::get))
         // /v1/assets, /v1/assets/{id}
         .routes(routes!(assets::put, assets::list))

@@ -7,20 +7,22 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use serde_json::Value;
+use serde_json::{Value, json};
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::timeout;
+use uuid::Uuid;
 
 use super::conditional::Version;
 use super::dto::{self, KeepScene, KeptScene, SceneList, SubmitJob, ValidScene};
-use super::extract::{AssetId, JsonBody, Room};
+use super::extract::{AssetBody, AssetId, JsonBody, Room};
 use super::health::require_space;
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
 use super::submission::check_wishes;
 use crate::jobs::admission::{Admitted, admit};
-use crate::store::SceneFiles;
+use crate::store::{SceneFiles, Status};
+use gridfall_recording::embedded;
 use gridfall_scene::{self as scene, Limits};
 
 /// Judges a scene without running it: what it costs, or all its faults. Takes the body of a submission.
@@ -60,9 +62,14 @@ pub async fn judge<T: Send + 'static>(
     room: Room,
     with: impl FnOnce(Admitted) -> T + Send + 'static,
 ) -> Result<T, Problem> {
+    let start = match request.start_from {
+        Some(id) => Some(last_state(api, id).await?),
+        None => None,
+    };
     let permit = permit(api).await?;
     let limits = Limits { max_work: api.config.max_work, ..api.config.limits };
     let scenes = api.data.scenes();
+    let judges = api.judges.clone();
     let (assets, counters, span) = (api.data.assets(), api.worker.counters.clone(), tracing::Span::current());
     let judged = tokio::task::spawn_blocking(move || {
         // Held here and not by the request: a client that disconnects does not make the work
@@ -71,12 +78,37 @@ pub async fn judge<T: Send + 'static>(
         let _span = span.entered();
         let started = Instant::now();
         let overrides: Vec<String> = request.overrides.iter().map(|(path, value)| format!("{path}={value}")).collect();
-        let document = document(request.scene, request.scene_id, &scenes)?;
-        let judged = admit(document, &overrides, &limits, &assets);
+        let mut document = document(request.scene, request.scene_id, &scenes)?;
+        if let Some(asset) = start {
+            begin_with(&mut document, &asset);
+        }
+        let judged = judges.install(|| admit(document, &overrides, &limits, &assets));
         counters.stage("validate", started.elapsed());
         judged.map(with).map_err(Problem::invalid_scene)
     });
     judged.await.map_err(internal)?
+}
+
+/// Makes the last state of a job an asset, and returns its id.
+async fn last_state(api: &Api, id: Uuid) -> Result<String, Problem> {
+    let refused = |why: &str| Problem::new(Code::InvalidRequest, format!("/start_from: {why}"));
+    let job = api.store.get(id).await?.ok_or_else(|| refused(&format!("there is no job {id}")))?;
+    let (state, assets) = (api.data.job(id).attempt(job.attempt).state(), api.data.assets());
+    if job.status != Status::Succeeded || !state.exists() {
+        return Err(refused(&format!(
+            "the job {id} left no state; run its scene with \"output\": {{\"state\": true}} to the end first"
+        )));
+    }
+    let kept = tokio::task::spawn_blocking(move || assets.keep(&state, "npz")).await.map_err(internal)?;
+    Ok(kept?.0.id)
+}
+
+/// Makes a state the one that a scene begins with.
+fn begin_with(document: &mut Value, asset: &str) {
+    // In place of an earlier job's, when a job is run again.
+    if let Some(scene) = document.as_object_mut() {
+        scene.insert("start".into(), json!({ "asset": asset }));
+    }
 }
 
 /// The scene that a request has or names.
@@ -112,9 +144,33 @@ pub async fn keep(
     JsonBody(KeepScene { scene }, room): JsonBody<KeepScene>,
 ) -> Result<Response, Problem> {
     require_space(&api)?;
+    keep_judged(&api, scene, room).await
+}
+
+/// Keeps the scene that a recording carries, to be run again. The beginning of the recording is enough: its first MiB,
+/// unless the scene is longer. It is judged like one that is submitted.
+#[utoipa::path(put, path = "/v1/scenes", tag = "scenes", operation_id = "keep_scene_of_recording",
+    request_body(content = dto::Bytes, content_type = "application/octet-stream"),
+    responses(
+        (status = 200, body = KeptScene, description = "It was there already"),
+        (status = 201, body = KeptScene, description = "Kept",
+            headers(("Location" = String, description = "Path of the scene"))),
+        (status = 422, body = dto::Problem, content_type = PROBLEM,
+            description = "`invalid_recording`; `invalid_scene` with all its `faults`"),
+        (status = 507, body = dto::Problem, content_type = PROBLEM, description = "`disk_low`"),
+    ))]
+pub async fn keep_of_recording(State(api): State<Api>, AssetBody(bytes, room): AssetBody) -> Result<Response, Problem> {
+    require_space(&api)?;
+    let refused = |reason: String| Problem::new(Code::InvalidRecording, reason);
+    let text = embedded::scene(&bytes).map_err(refused)?;
+    let scene = serde_json::from_str(&text).map_err(|error| refused(format!("its scene is no JSON: {error}")))?;
+    keep_judged(&api, scene, room).await
+}
+
+async fn keep_judged(api: &Api, scene: Value, room: Room) -> Result<Response, Problem> {
     let request = SubmitJob { scene: Some(scene), ..SubmitJob::default() };
     let files = api.data.scenes();
-    let kept = judge(&api, request, room, move |admitted| {
+    let kept = judge(api, request, room, move |admitted| {
         let (id, new) = files.put(&admitted.document)?;
         let particles = admitted.problem.setup.total_particles() as u64;
         io::Result::Ok((KeptScene { id, name: admitted.scene.name, particles }, new))

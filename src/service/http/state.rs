@@ -91,6 +91,8 @@ pub struct Api {
     pub(super) worker: Arc<jobs::Shared>,
     pub(super) config: Arc<Config>,
     pub(super) validations: Arc<Semaphore>,
+    /// The threads that judge scenes: not those that simulate, behind whose work they would have to wait.
+    pub(super) judges: Arc<rayon::ThreadPool>,
     pub(super) in_flight: Arc<Semaphore>,
     /// Room for bodies, in [`BODY_UNIT`]s.
     pub(super) bodies: Arc<Semaphore>,
@@ -104,6 +106,7 @@ impl Api {
             metrics: Arc::new(Metrics::new(&worker.counters)),
             watches: Arc::default(),
             validations: Arc::new(Semaphore::new(config.max_validations)),
+            judges: Arc::new(judges()),
             in_flight: Arc::new(Semaphore::new(config.max_in_flight)),
             bodies: Arc::new(Semaphore::new(config.max_bodies_bytes / BODY_UNIT)),
             config: Arc::new(config),
@@ -112,4 +115,9 @@ impl Api {
             worker,
         }
     }
+}
+
+fn judges() -> rayon::ThreadPool {
+    let threads = rayon::ThreadPoolBuilder::new().thread_name(|n| format!("judge {n}"));
+    threads.build().expect("the system has room for a few more threads")
 }

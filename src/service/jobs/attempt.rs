@@ -168,6 +168,7 @@ pub(super) fn outputs(files: &AttemptFiles) -> Outputs {
         thumbnail: Some(files.thumbnail()),
         diagnostics: Some(files.diagnostics()),
         solver: Some(files.solver()),
+        state: Some(files.state()),
         checkpoints: Some(files.checkpoints()),
     }
 }

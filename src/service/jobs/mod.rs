@@ -56,6 +56,14 @@ impl EngineSource for Devices {
     }
 }
 
+/// Lets other threads of the process go before this one. A simulation takes every processor there is, and requests
+/// need little, but soon. For the threads that simulate, those of rayon's global pool among them.
+pub fn yield_to_requests() {
+    // On Linux this is the niceness of a thread, elsewhere that of the process.
+    #[cfg(target_os = "linux")]
+    let _ = rustix::process::nice(10);
+}
+
 /// Opens the devices; called again after one was lost.
 pub type OpenDevices = Box<dyn Fn() -> Result<Box<dyn EngineSource>, EngineError> + Send>;
 

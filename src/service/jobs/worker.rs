@@ -56,7 +56,11 @@ impl Workers {
         let start = |(worker, open): (usize, OpenDevices)| {
             let context = context.clone();
             let thread = std::thread::Builder::new().name(format!("worker {worker}"));
-            thread.spawn(move || context.work(worker, open)).expect("the system has room for one more thread")
+            let work = move || {
+                super::yield_to_requests();
+                context.work(worker, open);
+            };
+            thread.spawn(work).expect("the system has room for one more thread")
         };
         let threads = open.into_iter().enumerate().map(start).collect();
         Ok(Self { shared, threads })

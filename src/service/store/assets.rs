@@ -41,6 +41,18 @@ impl AssetFiles {
         Ok((asset, true))
     }
 
+    /// Takes over a file that will not change, by a link where the file system has them. Returns false if its bytes
+    /// were there already.
+    pub fn keep(&self, file: &Path, kind: &str) -> io::Result<(Asset, bool)> {
+        let (hex, bytes) = hashed::name_of(file)?;
+        let asset = Asset { id: format!("sha256:{hex}"), bytes, kind: kind.to_owned() };
+        if self.find(&asset.id)?.is_some() {
+            return Ok((asset, false));
+        }
+        hashed::link(&self.dir, &format!("{hex}.{kind}"), file)?;
+        Ok((asset, true))
+    }
+
     /// An upload and its file.
     pub fn find(&self, id: &str) -> io::Result<Option<(Asset, PathBuf)>> {
         for entry in fs::read_dir(&self.dir)? {

@@ -122,6 +122,19 @@ impl Database {
     }
 }
 
+/// Whether the database cannot be reached now: the connection broke, or the database is starting, stopping or full of
+/// connections.
+pub(super) fn is_away(error: &sqlx::Error) -> bool {
+    match error {
+        sqlx::Error::Io(_) | sqlx::Error::PoolTimedOut | sqlx::Error::PoolClosed | sqlx::Error::WorkerCrashed => true,
+        // PostgreSQL's classes 08 (connections), 53 (resources) and 57P (stopped by an operator).
+        sqlx::Error::Database(error) => {
+            error.code().is_some_and(|code| ["08", "53", "57P"].iter().any(|class| code.starts_with(class)))
+        }
+        _ => false,
+    }
+}
+
 /// Host and database of a URL, for people, without user and password.
 fn place(options: &AnyConnectOptions) -> String {
     let url = &options.database_url;

@@ -178,6 +178,11 @@ impl AttemptFiles {
         self.dir.join("thumbnail.png")
     }
 
+    /// The last state, if the scene keeps it.
+    pub fn state(&self) -> PathBuf {
+        self.dir.join("state.npz")
+    }
+
     /// The folder of checkpoints.
     pub fn checkpoints(&self) -> PathBuf {
         self.dir.join("checkpoints")

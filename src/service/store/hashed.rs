@@ -1,7 +1,7 @@
 //! Folders of files that are named by the SHA-256 of their bytes.
 
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::path::Path;
 
 use sha2::{Digest, Sha256};
@@ -10,6 +10,21 @@ use uuid::Uuid;
 /// The hexadecimal digits that name these bytes.
 pub fn name(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// The digits for the bytes of a file, and their number.
+pub fn name_of(file: &Path) -> io::Result<(String, u64)> {
+    let (mut from, mut hash, mut bytes) = (File::open(file)?, Sha256::new(), 0);
+    let mut part = vec![0; 1 << 20];
+    loop {
+        let n = from.read(&mut part)?;
+        if n == 0 {
+            break;
+        }
+        hash.update(&part[..n]);
+        bytes += n as u64;
+    }
+    Ok((hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect(), bytes))
 }
 
 /// Creates the folder if necessary and removes incomplete files that a crash left.
@@ -30,6 +45,17 @@ pub fn write(dir: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
     let mut file = File::create(&partial)?;
     file.write_all(bytes)?;
     file.sync_all()?;
+    fs::rename(&partial, dir.join(name))?;
+    File::open(dir)?.sync_all()
+}
+
+/// Gives a file a second name in the folder; copies it where that is not possible.
+pub fn link(dir: &Path, name: &str, file: &Path) -> io::Result<()> {
+    let partial = dir.join(format!("{}.partial", Uuid::now_v7()));
+    if fs::hard_link(file, &partial).is_err() {
+        fs::copy(file, &partial)?;
+        File::open(&partial)?.sync_all()?;
+    }
     fs::rename(&partial, dir.join(name))?;
     File::open(dir)?.sync_all()
 }

@@ -33,6 +33,7 @@ pub use scenes::SceneFiles;
 use clock::Clock;
 use database::Database;
 use gridfall_recording::provenance;
+use submissions::Submissions;
 
 /// A job whose attempts end by the death of their process or device this often in a row, without a
 /// newer checkpoint between them, is given up.
@@ -119,17 +120,22 @@ pub struct Recovered {
 pub struct JobStore {
     database: Database,
     clock: Clock,
+    submissions: Submissions,
 }
 
 impl JobStore {
     /// Opens or creates an SQLite database and migrates its schema.
     pub async fn open(path: &Path) -> Result<Self> {
-        Ok(Self { database: Database::file(path).await?, clock: Clock::default() })
+        Ok(Self::on(Database::file(path).await?))
     }
 
     /// Opens the database of a URL, `postgres://…` or `sqlite:PATH`, and migrates its schema.
     pub async fn connect(url: &str) -> Result<Self> {
-        Ok(Self { database: Database::url(url).await?, clock: Clock::default() })
+        Ok(Self::on(Database::url(url).await?))
+    }
+
+    fn on(database: Database) -> Self {
+        Self { database, clock: Clock::default(), submissions: Submissions::default() }
     }
 
     /// The same store with another clock (microseconds since the Unix epoch), for tests.
@@ -139,6 +145,11 @@ impl JobStore {
 
     pub async fn close(&self) {
         self.database.close().await;
+    }
+
+    /// Whether an error tells of a database that cannot be reached now, and may be soon.
+    pub fn is_away(error: &StoreError) -> bool {
+        matches!(error, StoreError::Database(error) if database::is_away(error))
     }
 
     /// Runs a trivial query, as proof of life.

@@ -10,9 +10,9 @@ use uuid::Uuid;
 use super::{Claim, Failure, Job, Progress};
 
 /// What [`JobRow`] reads.
-const COLUMNS: &str = "jobs.seq, jobs.id, name, status, created_at, started_at, finished_at, attempt, deaths, \
-    checkpoint_frame, cancel_requested, particles, frames, end_time_s, sim_time_s, step, frames_written, run_s, \
-    integrator, integrator_reason, notices, backend, failure_code, failure_message, priority, tags, deadline, \
+pub(super) const COLUMNS: &str = "jobs.seq, jobs.id, name, status, created_at, started_at, finished_at, attempt, \
+    deaths, checkpoint_frame, cancel_requested, particles, frames, end_time_s, sim_time_s, step, frames_written, \
+    run_s, integrator, integrator_reason, notices, backend, failure_code, failure_message, priority, tags, deadline, \
     estimate_s, sweep";
 
 /// `SELECT` of jobs, followed by the given clauses, which hold no text of a client.

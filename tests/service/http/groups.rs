@@ -74,6 +74,53 @@ fn a_job_is_run_again_and_the_same_scene_is_answered_by_a_finished_job() {
 }
 
 #[test]
+fn a_job_begins_with_the_last_state_of_another() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let without = accepted(&server, json!({ "scene": short() }));
+    let without = server.wait_for(&without, "succeeded")["id"].clone();
+    let first = accepted(&server, json!({ "scene": short(), "overrides": { "output.state": true } }));
+    let id = server.wait_for(&first, "succeeded")["id"].clone();
+    let state = server.get(&format!("{first}/state.npz"));
+    assert!(state.status == 200 && state.body.starts_with(b"PK"), "{}", state.status);
+
+    let second = accepted(&server, json!({ "scene": short(), "start_from": id }));
+    server.wait_for(&second, "succeeded");
+    let rows = |path: &str| server.get(&format!("{path}/diagnostics")).json()["rows"].clone();
+    let (last, begun) = (rows(&first), rows(&second));
+    let last = last.as_array().unwrap().last().unwrap();
+    for column in ["mass_kg", "kinetic_j", "affine_j", "strain_j", "gravity_j", "min_J"] {
+        assert!(last[column].is_f64() && begun[0][column] == last[column], "{column}: {begun} {last}");
+    }
+    // What it began with is in its scene, so that it can be run again when the first job is gone.
+    assert_eq!(server.post_json("/v1/jobs:delete", &json!({ "name": "no such" })).status, 200);
+    server.call("DELETE", &first, &[], "");
+    let again = server.post_json(&format!("{second}/rerun"), &json!({}));
+    server.wait_for(again.header("location"), "succeeded");
+    assert_eq!(rows(again.header("location"))[0]["kinetic_j"], begun[0]["kinetic_j"]);
+
+    refused(&server, "/v1/jobs", json!({ "scene": short(), "start_from": without }), "invalid_request");
+    refused(&server, "/v1/jobs", json!({ "scene": short(), "start_from": id }), "invalid_request");
+}
+
+#[test]
+fn the_scene_of_a_recording_is_kept_and_run_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let first = accepted(&server, json!({ "scene": short() }));
+    server.wait_for(&first, "succeeded");
+    let recording = server.get(&format!("{first}/recording.mcap")).body;
+    let head = [("content-type", "application/octet-stream")];
+    let kept = server.call("PUT", "/v1/scenes", &head, &recording[..recording.len().min(1 << 20)]);
+    assert_eq!(kept.status, 201, "{}", kept.json());
+    let again = accepted(&server, json!({ "scene_id": kept.json()["id"] }));
+    server.wait_for(&again, "succeeded");
+    assert_eq!(server.get(&format!("{again}/diagnostics")).json(), server.get(&format!("{first}/diagnostics")).json());
+    let refused = server.call("PUT", "/v1/scenes", &head, "no recording");
+    assert_eq!((refused.status, &refused.json()["code"]), (422, &json!("invalid_recording")));
+}
+
+#[test]
 fn jobs_are_found_canceled_and_deleted_by_filters() {
     let dir = tempfile::tempdir().unwrap();
     let server = Server::start(dir.path());

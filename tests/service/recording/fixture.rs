@@ -256,6 +256,7 @@ pub fn problem(spacing: f64) -> Problem {
         frame_s: 0.05,
         fields: vec![OutputField::Velocity, OutputField::J, OutputField::VonMises, OutputField::Pressure],
         preview_points: 200_000,
+        keep_state: false,
         seed: 1,
     };
     Problem { setup, particles }
@@ -267,6 +268,7 @@ pub fn outputs(directory: &Path) -> Outputs {
         thumbnail: Some(directory.join("out.png")),
         diagnostics: Some(directory.join("out.csv")),
         solver: Some(directory.join("solver.csv")),
+        state: Some(directory.join("state.npz")),
         checkpoints: Some(directory.join("checkpoints")),
     }
 }

@@ -6,3 +6,4 @@ mod driver;
 mod fixture;
 mod recovery;
 mod resuming;
+mod states;

@@ -61,6 +61,9 @@ pub fn of(code: Code) -> &'static str {
             "`faults` has all that is wrong with the scene: for each the place as a JSON pointer, the reason and \
              what to change. The schema at `/v1/schema/scene` finds many of them while you type."
         }
+        Code::InvalidRecording => {
+            "The upload is no recording of Gridfall, or not its beginning. Send its first MiB, or all of it."
+        }
         Code::IdempotencyKeyReused => {
             "Another request was accepted under this `Idempotency-Key`. Take a new key for each new request, and \
              the old one only to repeat a request as it was."
@@ -69,6 +72,10 @@ pub fn of(code: Code) -> &'static str {
         Code::Internal => "A fault of the server. Its log has the details; report them.",
         Code::Overloaded => {
             "Too many requests at once, or one that took too long. Try again after `Retry-After` seconds."
+        }
+        Code::DatabaseAway => {
+            "The database that keeps the jobs does not answer. Jobs that run go on. Try again after `Retry-After` \
+             seconds; send a submission again under the same `Idempotency-Key`."
         }
         Code::NotReady => "`checks` says which part cannot work and why. Wait, or see to that part.",
     }
