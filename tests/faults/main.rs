@@ -9,5 +9,6 @@ mod support;
 
 mod kills;
 mod outages;
+mod races;
 mod shutdown;
 mod work;

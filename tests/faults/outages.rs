@@ -24,7 +24,9 @@ fn a_job_outlives_an_outage_of_the_database() {
     assert_eq!(server.get("/livez").status, 200);
     assert_eq!(server.get("/readyz").status, 503);
     let refused = server.post_json("/v1/jobs", &json!({ "scene": scenes()[0] }));
-    assert!(refused.status >= 500, "{}", refused.status);
+    assert_eq!((refused.status, &refused.json()["code"]), (503, &json!("database_away")));
+    assert_eq!(refused.header("retry-after"), "5");
+    assert_eq!(server.get(&jobs[0]).status, 503);
     sleep(Duration::from_secs(3));
     postgres.restart();
     for (job, expected) in jobs.iter().zip(&expected) {

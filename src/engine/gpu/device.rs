@@ -166,6 +166,11 @@ impl Gpu {
         })
     }
 
+    /// Memory that was taken of the device (bytes), if the driver's allocator says.
+    pub fn memory_bytes(&self) -> Option<u64> {
+        self.device.generate_allocator_report().map(|report| report.total_reserved_bytes)
+    }
+
     /// Description for job records; `reason` says why it was chosen.
     pub fn backend(&self, reason: &str) -> Backend {
         Backend {

@@ -129,6 +129,7 @@ fn execute(
             tracing::warn!(job = %claim.id, %error, "cannot note the device");
         }
         let device = engine.backend().device.clone();
+        note_memory(context, source);
         watch.loaded(setup.total_particles() as u64, u64::from(setup.frames));
         let subject = Subject { scene_json: &scene_json, setup: &setup, appearance: &appearance };
         let run = match &earlier {
@@ -156,8 +157,16 @@ fn execute(
         let follower = Follower::new(context, claim, files, watch);
         let ran = run.execute(engine.as_mut(), &follower);
         counters.stage("simulate", running.elapsed());
+        note_memory(context, source);
         ran?;
         return Ok(());
+    }
+}
+
+/// Shows operators what is taken of the GPU.
+fn note_memory(context: &Context, source: &dyn EngineSource) {
+    if let (Some(bytes), Some(gpu)) = (source.memory_bytes(), source.devices().first()) {
+        context.shared.counters.memory(gpu.device.clone(), bytes);
     }
 }
 

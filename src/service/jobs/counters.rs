@@ -27,6 +27,7 @@ pub struct Counters {
     pub leases_lost: Counter,
     /// When the last checkpoint was written (s since 1970).
     checkpoint: Gauge<f64, AtomicU64>,
+    device_memory: Family<DeviceLabel, Gauge>,
     queue_wait: Histogram,
     attempts: Family<StatusLabel, Histogram, fn() -> Histogram>,
     stages: Family<StageLabel, Counter<f64, AtomicU64>>,
@@ -35,6 +36,11 @@ pub struct Counters {
 #[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
 pub struct StatusLabel {
     pub status: Status,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct DeviceLabel {
+    device: String,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
@@ -57,6 +63,7 @@ impl Default for Counters {
             particle_steps: Counter::default(),
             leases_lost: Counter::default(),
             checkpoint: Gauge::default(),
+            device_memory: Family::default(),
             queue_wait: Histogram::new(BOUNDS_S),
             attempts: Family::new_with_constructor(|| Histogram::new(BOUNDS_S)),
             stages: Family::default(),
@@ -74,6 +81,8 @@ impl Counters {
         registry.register("leases_lost", "Attempts whose job was taken from them", self.leases_lost.clone());
         let checkpoint = "When the last checkpoint was written, since 1970; 0 before the first";
         registry.register_with_unit("last_checkpoint_timestamp", checkpoint, Unit::Seconds, self.checkpoint.clone());
+        let memory = "Memory taken of a GPU, when a job was last loaded or ended there";
+        registry.register_with_unit("device_memory", memory, Unit::Bytes, self.device_memory.clone());
         let wait = "Time from a job's acceptance to its first attempt";
         registry.register_with_unit("queue_wait", wait, Unit::Seconds, self.queue_wait.clone());
         let length = "Wall time of attempts, by the status in which they left the job";
@@ -86,6 +95,12 @@ impl Counters {
     pub fn checkpointed(&self) {
         let since = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
         self.checkpoint.set(since.as_secs_f64());
+    }
+
+    /// Notes how much of a device's memory is taken (bytes).
+    pub fn memory(&self, device: String, bytes: u64) {
+        let bytes = i64::try_from(bytes).unwrap_or(i64::MAX);
+        self.device_memory.get_or_create(&DeviceLabel { device }).set(bytes);
     }
 
     pub fn waited(&self, wait: Duration) {

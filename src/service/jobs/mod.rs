@@ -32,6 +32,11 @@ pub trait EngineSource {
     /// Which devices are open, and why, for people.
     fn describe(&self) -> String;
 
+    /// Memory that this process has taken of the GPU (bytes); none where there is none, or it does not say.
+    fn memory_bytes(&self) -> Option<u64> {
+        None
+    }
+
     /// The devices that are open, the preferred one first.
     fn devices(&self) -> Vec<Backend> {
         Vec::new()
@@ -48,6 +53,10 @@ impl EngineSource for Devices {
             Some(gpu) => format!("{}: {}", gpu.backend(self.reason()).device, self.reason()),
             None => format!("the CPU: {}", self.reason()),
         }
+    }
+
+    fn memory_bytes(&self) -> Option<u64> {
+        self.gpu()?.memory_bytes()
     }
 
     fn devices(&self) -> Vec<Backend> {
