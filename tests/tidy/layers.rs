@@ -82,6 +82,8 @@ pub const RECORDING: &[Layer] = &[
     ("picture", &["excerpt", "colliders", "appearance", "palette"]),
     ("writer", &["provenance", "files", "excerpt", "diagnostics", "colliders", "appearance", "points", "picture"]),
     ("recovery", &["files"]),
+    ("cloud", &[]),
+    ("frames", &["files", "cloud"]),
     ("checkpoint", &["provenance", "files"]),
     ("run", &["files", "excerpt", "appearance", "picture", "writer", "checkpoint"]),
 ];
