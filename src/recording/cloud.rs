@@ -236,11 +236,8 @@ mod tests {
 
     #[test]
     fn what_has_no_positions_or_fields_beyond_a_point_is_refused() {
-        let field = |name: &str, offset| PackedElementField {
-            name: name.into(),
-            offset,
-            r#type: NumericType::Float32.into(),
-        };
+        let field =
+            |name: &str, offset| PackedElementField { name: name.into(), offset, r#type: NumericType::Float32.into() };
         let with = |fields: Vec<PackedElementField>| PointCloud { point_stride: 12, fields, ..PointCloud::default() };
         assert!(Cloud::new(with(vec![field("x", 0), field("y", 4)]), 0.0).is_none());
         assert!(Cloud::new(with(vec![field("x", 0), field("y", 4), field("z", 9)]), 0.0).is_none());

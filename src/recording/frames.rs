@@ -103,7 +103,8 @@ impl FrameIndex {
         let mut chunks = summary.chunk_indexes;
         chunks.retain(|chunk| chunk.message_index_offsets.contains_key(&ids.particles));
         chunks.sort_by_key(|chunk| chunk.chunk_start_offset);
-        let place = |chunk: mcap::records::ChunkIndex| Place { offset: chunk.chunk_start_offset, length: chunk.chunk_length };
+        let place =
+            |chunk: mcap::records::ChunkIndex| Place { offset: chunk.chunk_start_offset, length: chunk.chunk_length };
         self.frames = chunks.into_iter().map(place).collect();
         let counts = summary.stats.map(|stats| stats.channel_message_counts).unwrap_or_default();
         self.frames.truncate(counts.get(&ids.diagnostics).copied().unwrap_or(0) as usize);
@@ -158,7 +159,8 @@ impl FrameIndex {
 
     /// Each frame has a message of points, and ends with its diagnostics.
     fn index(&mut self, body: &[u8]) {
-        let (Ok(Record::MessageIndex(index)), Some(ids)) = (mcap::parse_record(op::MESSAGE_INDEX, body), self.ids) else {
+        let (Ok(Record::MessageIndex(index)), Some(ids)) = (mcap::parse_record(op::MESSAGE_INDEX, body), self.ids)
+        else {
             return;
         };
         if index.channel_id == ids.particles && !index.records.is_empty() {
@@ -199,7 +201,8 @@ fn summary(file: &mut File) -> mcap::McapResult<Option<Summary>> {
 
 /// A chunk's record, head included; `None` if there is no chunk at the place, or it is beyond all measure.
 fn chunk(file: &mut File, place: Place) -> io::Result<Option<Vec<u8>>> {
-    if !(RECORD_HEAD..MOST_CHUNK_BYTES).contains(&place.length) {
+    let end = place.offset.checked_add(place.length).filter(|end| *end <= file.metadata().map_or(0, |file| file.len()));
+    if end.is_none() || !(RECORD_HEAD..MOST_CHUNK_BYTES).contains(&place.length) {
         return Ok(None);
     }
     let mut bytes = vec![0; place.length as usize];

@@ -239,7 +239,8 @@ impl FromRequestParts<Api> for JobFrame {
         match axum::extract::Path::<(Uuid, u64)>::from_request_parts(parts, api).await {
             Ok(axum::extract::Path((id, frame))) => Ok(Self(id, frame)),
             Err(PathRejection::FailedToDeserializePathParams(error)) => {
-                let detail = format!("the ids of jobs are UUIDs, and frames have numbers from 0: {}", error.body_text());
+                let detail =
+                    format!("the ids of jobs are UUIDs, and frames have numbers from 0: {}", error.body_text());
                 Err(Problem::new(Code::InvalidPath, detail))
             }
             Err(other) => Err(Problem::new(Code::InvalidPath, other.to_string())),

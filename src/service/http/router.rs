@@ -12,8 +12,8 @@ use utoipa_axum::routes;
 use super::openapi::{self, Description};
 use super::state::Api;
 use super::{
-    assets, cors, dashboard, devices, docs, encoding, events, frames, groups, guard, health, index, jobs, layers, library,
-    load, metrics, outputs, scenes,
+    assets, cors, dashboard, devices, docs, encoding, events, frames, groups, guard, health, index, jobs, layers,
+    library, load, metrics, outputs, scenes,
 };
 
 /// All routes of the API, and their OpenAPI document.

@@ -4,5 +4,6 @@
 mod content;
 mod driver;
 mod fixture;
+mod frames;
 mod recovery;
 mod resuming;

@@ -10,7 +10,9 @@ function fill(element, properties, children) {
     else if (name === "checked" || name === "disabled" || name === "hidden") element[name] = Boolean(value);
     else element.setAttribute(name, value === true ? "" : value);
   }
-  element.append(...children.flat(Infinity).filter((child) => child !== null && child !== undefined && child !== false));
+  element.append(
+    ...children.flat(Infinity).filter((child) => child !== null && child !== undefined && child !== false),
+  );
   return element;
 }
 

@@ -1,10 +1,13 @@
 // What a scene will cost, in words and numbers.
 
 import { h, prose } from "./dom.js";
-import { bytes, count, duration, number, quantity } from "./format.js";
+import { bytes, count, duration, many, number, quantity } from "./format.js";
 import { fault } from "./problem.js";
 
-const row = (name, value, note) => [h("dt", {}, name), h("dd", {}, value, note && h("span", { class: "note" }, prose(note)))];
+const row = (name, value, note) => [
+  h("dt", {}, name),
+  h("dd", {}, value, note && h("span", { class: "note" }, prose(note))),
+];
 
 /** The estimate of a valid scene, with its notices. */
 export function estimate({ estimate: e, notices }, reach) {
@@ -17,7 +20,15 @@ export function estimate({ estimate: e, notices }, reach) {
     "table",
     { class: "ways" },
     h("caption", { class: "hidden" }, "Ways to integrate"),
-    h("thead", {}, h("tr", {}, ["Integrator", "Step", "Steps", "Time"].map((name) => h("th", { scope: "col" }, name)))),
+    h(
+      "thead",
+      {},
+      h(
+        "tr",
+        {},
+        ["Integrator", "Step", "Steps", "Time"].map((name) => h("th", { scope: "col" }, name)),
+      ),
+    ),
     h(
       "tbody",
       {},
@@ -40,13 +51,30 @@ export function estimate({ estimate: e, notices }, reach) {
       { class: "facts" },
       row("Particles", count(e.particles)),
       row("Recording", `${count(e.frames)} frames, ${number(e.end_time)} s`),
-      row("Steps", count(e.steps), `${quantity(e.particle_steps, "particle steps")}`),
-      row("Cells", e.cells.filter((n, axis) => axis < 2 || n > 1).map(count).join(" × ")),
-      row("Memory", bytes(e.host_memory_bytes), e.device_memory_bytes ? `${bytes(e.device_memory_bytes)} on a GPU` : "CPU only"),
+      row("Steps", count(e.steps), `${many(e.particle_steps)} particle steps`),
+      row(
+        "Cells",
+        e.cells
+          .filter((n, axis) => axis < 2 || n > 1)
+          .map(count)
+          .join(" × "),
+      ),
+      row(
+        "Memory",
+        bytes(e.host_memory_bytes),
+        e.device_memory_bytes ? `${bytes(e.device_memory_bytes)} on a GPU` : "CPU only",
+      ),
       row("Step", quantity(e.dt_s, "s"), e.dt_reason),
       row("Integrator", e.integrator, e.integrator_reason),
     ),
     compared,
-    notices.length > 0 && [h("h3", {}, "Notices"), h("ul", { class: "faults notices" }, notices.map((one) => fault(one, reach)))],
+    notices.length > 0 && [
+      h("h3", {}, "Notices"),
+      h(
+        "ul",
+        { class: "faults notices" },
+        notices.map((one) => fault(one, reach)),
+      ),
+    ],
   ];
 }

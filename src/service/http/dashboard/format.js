@@ -20,7 +20,10 @@ export function number(x) {
   if (x === null || x === undefined || !Number.isFinite(x)) return "–";
   if (x === 0) return "0";
   const size = Math.abs(x);
-  if (size >= 1e6 || size < 1e-3) return x.toExponential(2).replace("e+", "e").replace("-", "−");
+  if (size >= 1e6 || size < 1e-3) {
+    const [digits, power] = x.toExponential(2).split("e");
+    return `${Number(digits)}e${Number(power)}`.replaceAll("-", "−");
+  }
   const digits = Math.max(0, 2 - Math.floor(Math.log10(size)));
   return String(Number(x.toFixed(digits))).replace("-", "−");
 }
@@ -29,8 +32,22 @@ export function number(x) {
 export function quantity(x, unit) {
   if (x === null || x === undefined || !Number.isFinite(x)) return "–";
   if (x === 0 || unit === "1" || unit === "") return number(x) + (unit && unit !== "1" ? ` ${unit}` : "");
-  const [scale, prefix] = PREFIXES.find(([scale]) => Math.abs(x) >= scale) ?? PREFIXES.at(-1);
-  return `${number(x / scale)} ${prefix}${unit}`;
+  const [scale, sign] = prefix(x);
+  return `${number(x / scale)} ${sign}${unit}`;
+}
+
+/** The prefix of a unit that makes numbers up to `x` short, and what it stands for. */
+export function prefix(x) {
+  return PREFIXES.find(([scale]) => Math.abs(x) >= scale) ?? PREFIXES.at(-1);
+}
+
+/** 27 million, 1.3 billion */
+export function many(x) {
+  return new Intl.NumberFormat("en", {
+    notation: "compact",
+    compactDisplay: "long",
+    maximumSignificantDigits: 3,
+  }).format(x);
 }
 
 /** 350 ms, 12 s, 3 min 5 s, 2 h 10 min, 3 d 4 h */

@@ -8,7 +8,8 @@ const HEAD = 64;
 export function decode(buffer) {
   const head = new DataView(buffer, 0, HEAD);
   const mark = String.fromCharCode(...new Uint8Array(buffer, 0, 4));
-  if (mark !== "GFPT" || head.getUint32(4, true) !== 1) throw new Error("The points are of another version; reload the page.");
+  if (mark !== "GFPT" || head.getUint32(4, true) !== 1)
+    throw new Error("The points are of another version; reload the page.");
   const n = head.getUint32(12, true);
   const flags = head.getUint32(20, true);
   return {

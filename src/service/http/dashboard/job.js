@@ -3,7 +3,7 @@
 import { cancel, hasEnded, remove, rerun } from "./actions.js";
 import { follow, get } from "./api.js";
 import { announce, h, prose, text } from "./dom.js";
-import { count, duration, number, ordinal, percent, quantity, when } from "./format.js";
+import { count, duration, many, number, ordinal, percent, when } from "./format.js";
 import { badge } from "./jobs.js";
 import { downloads, viewers } from "./outputs.js";
 import { plots } from "./plots.js";
@@ -14,7 +14,12 @@ const MOST_LINES = 500;
 const BETWEEN = 1500;
 
 const card = (id, title, ...content) =>
-  h("section", { class: `card ${id}`, "aria-labelledby": `${id}-title` }, h("h2", { id: `${id}-title` }, title), content);
+  h(
+    "section",
+    { class: `card ${id}`, "aria-labelledby": `${id}-title` },
+    h("h2", { id: `${id}-title` }, title),
+    content,
+  );
 
 export function job(main, id, signal) {
   const state = badge();
@@ -35,20 +40,23 @@ export function job(main, id, signal) {
   const log = h("pre", { class: "log", tabindex: 0, role: "region", "aria-label": "Log of the job" });
   const notices = h("div", {});
   const view = h("a", { class: "button", href: `#/jobs/${id}/view` }, "Open the 3D view");
+  const media = card("media", "Picture", h("div", { class: "media-row" }, moving.element, picture), view);
+  const charted = card("charts", "Diagnostics", noCharts, charts);
   let [last, scene, drawnFrames, timer, drawing] = [null, null, -1, 0, false];
 
   main.append(
-    h("div", { class: "title" }, h("div", {}, h("p", { class: "crumbs" }, h("a", { href: "#/" }, "Jobs")), title), state.element, actions),
+    h(
+      "div",
+      { class: "title" },
+      h("div", {}, h("p", { class: "crumbs" }, h("a", { href: "#/" }, "Jobs")), title),
+      state.element,
+      actions,
+    ),
     errors,
     h("div", { class: "progressing" }, bar, far),
     failure,
-    h(
-      "div",
-      { class: "columns" },
-      card("media", "Picture", h("div", { class: "media-row" }, moving.element, picture), view),
-      card("details", "Details", facts, notices),
-    ),
-    card("charts", "Diagnostics", noCharts, charts),
+    h("div", { class: "columns" }, media, card("details", "Details", facts, notices)),
+    charted,
     h("div", { class: "columns" }, card("downloads", "Downloads", files), card("opens", "Open in", links)),
     card("logs", "Log", log),
   );
@@ -61,7 +69,12 @@ export function job(main, id, signal) {
     document.title = `${now.name}, ${now.status} · Gridfall`;
     state.update(now);
     progress(now);
-    if (!before || before.status !== now.status || before.attempt !== now.attempt || !before.progress.frames_written !== !now.progress.frames_written) {
+    if (
+      !before ||
+      before.status !== now.status ||
+      before.attempt !== now.attempt ||
+      !before.progress.frames_written !== !now.progress.frames_written
+    ) {
       buttons(now);
       fail(now);
       files.replaceChildren(...downloads(now));
@@ -69,19 +82,37 @@ export function job(main, id, signal) {
       pictureOf(now);
     }
     view.hidden = !now.progress.frames_written;
+    // A job that left no frame has nothing to show.
+    media.hidden = charted.hidden = hasEnded(now) && !now.progress.frames_written;
     details(now);
     if (scene && now.progress.frames_written) moving.update(scene, now.progress.frames_written, hasEnded(now));
     later(hasEnded(now) ? 0 : BETWEEN);
   }
 
   function progress(now) {
-    const { sim_time: at, end_time: end, frames_written: done, frames, fraction, eta_s: eta, particle_steps_per_s: speed } = now.progress;
+    const {
+      sim_time: at,
+      end_time: end,
+      frames_written: done,
+      frames,
+      fraction,
+      eta_s: eta,
+      particle_steps_per_s: speed,
+    } = now.progress;
     bar.value = hasEnded(now) && now.status === "succeeded" ? 1 : fraction;
     const parts = {
-      queued: [now.queue_position ? `${ordinal(now.queue_position)} in the queue` : "waits in the queue", now.estimate_s !== null && `about ${duration(now.estimate_s)} on two cores`],
-      running: [percent(fraction), eta !== null && `${duration(eta)} left`, speed !== null && `${quantity(speed, "particle steps/s")}`],
+      queued: [
+        now.queue_position ? `${ordinal(now.queue_position)} in the queue` : "waits in the queue",
+        now.estimate_s !== null && `about ${duration(now.estimate_s)} on two cores`,
+      ],
+      running: [
+        percent(fraction),
+        eta !== null && `${duration(eta)} left`,
+        speed !== null && `${many(speed)} particle steps a second`,
+      ],
     }[now.status] ?? [`ended ${when(now.finished_at)}`, `ran ${duration(now.run_s)}`];
-    const common = now.status === "queued" ? [] : [`${number(at)} of ${number(end)} s`, `${count(done)} of ${count(frames)} frames`];
+    const common =
+      now.status === "queued" ? [] : [`${number(at)} of ${number(end)} s`, `${count(done)} of ${count(frames)} frames`];
     text(far, [...parts, ...common].filter(Boolean).join(" · "));
   }
 
@@ -139,20 +170,37 @@ export function job(main, id, signal) {
     if (facts.dataset.told === told) return;
     facts.dataset.told = told;
     facts.replaceChildren(
-      ...rows.flatMap(([name, value, note]) => [h("dt", {}, name), h("dd", {}, value, note && h("span", { class: "note" }, prose(note)))]),
+      ...rows.flatMap(([name, value, note]) => [
+        h("dt", {}, name),
+        h("dd", {}, value, note && h("span", { class: "note" }, prose(note))),
+      ]),
     );
     const list = now.notices;
-    notices.replaceChildren(...(list.length ? [h("h3", {}, "Notices"), h("ul", { class: "faults notices" }, list.map((one) => fault(one)))] : []));
+    notices.replaceChildren(
+      ...(list.length
+        ? [
+            h("h3", {}, "Notices"),
+            h(
+              "ul",
+              { class: "faults notices" },
+              list.map((one) => fault(one)),
+            ),
+          ]
+        : []),
+    );
   }
 
   /** Draws the diagnostics when there are new ones, not more often than now and then. */
   function later(wait) {
     if (timer || !last.progress.frames_written) return;
     if (last.progress.frames_written === drawnFrames && !wait && last.status === drawn.status) return;
-    timer = setTimeout(async () => {
-      timer = 0;
-      await diagnose();
-    }, drawnFrames < 0 ? 0 : wait);
+    timer = setTimeout(
+      async () => {
+        timer = 0;
+        await diagnose();
+      },
+      drawnFrames < 0 ? 0 : wait,
+    );
   }
 
   async function diagnose() {
@@ -187,7 +235,9 @@ export function job(main, id, signal) {
     },
     deleted: () => {
       announce("The job was deleted.");
-      errors.replaceChildren(h("div", { class: "problem" }, h("p", {}, "The job was deleted. ", h("a", { href: "#/" }, "All jobs"))));
+      errors.replaceChildren(
+        h("div", { class: "problem" }, h("p", {}, "The job was deleted. ", h("a", { href: "#/" }, "All jobs"))),
+      );
     },
   };
 
@@ -202,6 +252,10 @@ export function job(main, id, signal) {
   begin().catch((error) => {
     if (signal.aborted) return;
     text(title, error.problem?.code === "job_not_found" ? "There is no such job" : "This job cannot be shown");
-    main.replaceChildren(h("div", { class: "title" }, title), failed(error), h("p", {}, h("a", { href: "#/" }, "All jobs")));
+    main.replaceChildren(
+      h("div", { class: "title" }, title),
+      failed(error),
+      h("p", {}, h("a", { href: "#/" }, "All jobs")),
+    );
   });
 }

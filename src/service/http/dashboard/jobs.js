@@ -29,7 +29,8 @@ export function badge() {
 export function progressText(job) {
   const { fraction, eta_s: eta, frames_written: done, frames } = job.progress;
   if (job.status === "queued") return job.queue_position ? `${ordinal(job.queue_position)} in the queue` : "waiting";
-  if (job.status !== "running") return hasEnded(job) && done < frames ? `${done} of ${frames} frames` : `${frames} frames`;
+  if (job.status !== "running")
+    return hasEnded(job) && done < frames ? `${count(done)} of ${count(frames)} frames` : `${count(frames)} frames`;
   return eta === null ? percent(fraction) : `${percent(fraction)}, ${duration(eta)} left`;
 }
 
@@ -92,7 +93,12 @@ export function jobs(main, query, signal) {
     h(
       "thead",
       {},
-      h("tr", {}, h("th", { scope: "col", class: "select" }, box), columns.map((name) => h("th", { scope: "col" }, name))),
+      h(
+        "tr",
+        {},
+        h("th", { scope: "col", class: "select" }, box),
+        columns.map((name) => h("th", { scope: "col" }, name)),
+      ),
     ),
     body,
   );
@@ -111,7 +117,12 @@ export function jobs(main, query, signal) {
       "form",
       { class: "filters", role: "search", onsubmit: (event) => event.preventDefault() },
       h("fieldset", {}, h("legend", { class: "hidden" }, "States"), states),
-      h("label", { for: "search" }, h("span", { class: "hidden" }, "Find by the beginning of the name, or by #tag"), search),
+      h(
+        "label",
+        { for: "search" },
+        h("span", { class: "hidden" }, "Find by the beginning of the name, or by #tag"),
+        search,
+      ),
     ),
     h("div", { class: "bulk" }, told, h("div", { class: "actions" }, some, many)),
     errors,
@@ -125,7 +136,10 @@ export function jobs(main, query, signal) {
     const words = search.value.trim().split(/\s+/).filter(Boolean);
     const tag = words.filter((word) => word.startsWith("#") && word.length > 1).map((word) => word.slice(1));
     const name = words.filter((word) => !word.startsWith("#")).join(" ");
-    const status = states.map((label) => label.firstChild).filter((input) => input.checked).map((input) => input.value);
+    const status = states
+      .map((label) => label.firstChild)
+      .filter((input) => input.checked)
+      .map((input) => input.value);
     return { status, tag, name: name && `${name.replace(/\*$/, "")}*` };
   }
 
@@ -133,7 +147,10 @@ export function jobs(main, query, signal) {
     cursors = [""];
     // The address has the filter, so that it can be kept and shared. Nothing has to be drawn anew.
     const { status } = filter();
-    const kept = new URLSearchParams([...status.map((one) => ["status", one]), ...(search.value ? [["text", search.value]] : [])]);
+    const kept = new URLSearchParams([
+      ...status.map((one) => ["status", one]),
+      ...(search.value ? [["text", search.value]] : []),
+    ]);
     history.replaceState(null, "", `#/${kept.size ? `?${kept}` : ""}`);
     refresh();
   }

@@ -5,12 +5,16 @@ import { h } from "./dom.js";
 
 /** Web pages that show a recording from its address. */
 const VIEWERS = [
-  ["Lichtblick", (url) => `https://lichtblick-suite.github.io/lichtblick/?ds=remote-file&ds.url=${encodeURIComponent(url)}`],
+  [
+    "Lichtblick",
+    (url) => `https://lichtblick-suite.github.io/lichtblick/?ds=remote-file&ds.url=${encodeURIComponent(url)}`,
+  ],
   ["Foxglove", (url) => `https://app.foxglove.dev/~/view?ds=remote-file&ds.url=${encodeURIComponent(url)}`],
   ["Rerun", (url) => `https://app.rerun.io/?url=${encodeURIComponent(url)}`],
 ];
 
-const file = (href, name, about) => h("li", {}, h("a", { href, download: true }, name), h("span", { class: "note" }, about));
+const file = (href, name, about) =>
+  h("li", {}, h("a", { href, download: true }, name), h("span", { class: "note" }, about));
 
 /** Downloads of a job as it stands. */
 export function downloads(job) {
@@ -47,8 +51,20 @@ export function viewers(job) {
       : "Browsers let these pages (https) read from other machines by https only: put this server behind https, or " +
         "download the file and open it there.";
   return [
-    h("ul", { class: "viewers" }, VIEWERS.map(([name, link]) => h("li", {}, h("a", { class: "button", href: link(url), target: "_blank", rel: "noreferrer" }, name)))),
-    h("p", { class: "note" }, "They are pages of other sites, in a new tab. ", reach, " Any page may read recordings here (CORS)."),
+    h(
+      "ul",
+      { class: "viewers" },
+      VIEWERS.map(([name, link]) =>
+        h("li", {}, h("a", { class: "button", href: link(url), target: "_blank", rel: "noreferrer" }, name)),
+      ),
+    ),
+    h(
+      "p",
+      { class: "note" },
+      "They are pages of other sites, in a new tab. ",
+      reach,
+      " Any page may read recordings here (CORS).",
+    ),
     h("p", { class: "note" }, "Address of the recording: ", h("code", { class: "address" }, url)),
   ];
 }

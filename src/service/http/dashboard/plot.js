@@ -2,7 +2,7 @@
 // the arrow keys, a summary for readers, and the numbers as a table.
 
 import { h, s, text } from "./dom.js";
-import { number } from "./format.js";
+import { number, prefix } from "./format.js";
 
 const [LEFT, RIGHT, TOP, BOTTOM, HEIGHT] = [62, 12, 10, 40, 210];
 const MOST_ROWS = 40;
@@ -34,17 +34,23 @@ function extent(lists, fromZero) {
   return [low - (fromZero && low === 0 ? 0 : room), high + (fromZero && high === 0 && low < 0 ? 0 : room)];
 }
 
-/** A plot. `series` have a `name` and a column `key`; `update` takes the rows. */
-export function plot({ title, unit, series, x, fromZero = true }) {
+/** A plot. `series` have a `name` and a column `key`; `update` takes the rows. Values are
+ * shown with a prefix of the unit if they are to be `scaled`. */
+export function plot({ title, unit, scaled = false, series, x, fromZero = true }) {
   const svg = s("svg", { height: HEIGHT, "aria-hidden": "true" });
   const area = h("div", { class: "plot-area", tabindex: 0, role: "img" }, svg);
   const values = h("p", { class: "values", "aria-live": "polite" });
+  const measure = h("span", { class: "note" });
   const hidden = new Set();
   const legend = h(
     "div",
     { class: "legend", role: "group", "aria-label": `Series of ${title}` },
     series.map(({ name, key }, n) => {
-      const swatch = s("svg", { width: 22, height: 8, "aria-hidden": "true" }, s("line", { x1: 0, x2: 22, y1: 4, y2: 4, class: `series s${n}` }));
+      const swatch = s(
+        "svg",
+        { width: 22, height: 8, "aria-hidden": "true" },
+        s("line", { x1: 0, x2: 22, y1: 4, y2: 4, class: `series s${n}` }),
+      );
       const button = h("button", { type: "button", "aria-pressed": "true" }, swatch, name);
       button.addEventListener("click", () => {
         if (!hidden.delete(key)) hidden.add(key);
@@ -58,13 +64,26 @@ export function plot({ title, unit, series, x, fromZero = true }) {
   const element = h(
     "figure",
     { class: "plot" },
-    h("figcaption", {}, h("span", { class: "plot-title" }, title), unit && h("span", { class: "note" }, ` (${unit})`)),
+    h("figcaption", {}, h("span", { class: "plot-title" }, title), measure),
     area,
     values,
     series.length > 1 && legend,
     table,
   );
   let [rows, mark, scales] = [[], null, null];
+
+  let [factor, shownUnit] = [1, unit];
+  const say = (value) => number(value / factor);
+  const spaced = () => (shownUnit ? ` ${shownUnit}` : "");
+
+  /** Takes the prefix of the unit that suits the largest value. */
+  function scale() {
+    const sizes = series.flatMap(({ key }) => rows.map((row) => Math.abs(row[key]))).filter(Number.isFinite);
+    const largest = sizes.reduce((a, b) => Math.max(a, b), 0);
+    const [by, sign] = scaled && largest > 0 ? prefix(largest) : [1, ""];
+    [factor, shownUnit] = [by, sign + unit];
+    text(measure, shownUnit ? ` (${shownUnit})` : "");
+  }
 
   const shown = () => series.filter(({ key }) => !hidden.has(key) && rows.some((row) => Number.isFinite(row[key])));
 
@@ -73,20 +92,25 @@ export function plot({ title, unit, series, x, fromZero = true }) {
     if (!width || !rows.length) return;
     const [xs, list] = [rows.map((row) => row[x.key]), shown()];
     const [x0, x1] = [xs[0], xs.at(-1) > xs[0] ? xs.at(-1) : xs[0] + 1];
-    const [y0, y1] = extent(list.map(({ key }) => rows.map((row) => row[key])), fromZero);
+    const [y0, y1] = extent(
+      list.map(({ key }) => rows.map((row) => row[key])),
+      fromZero,
+    );
     const right = (value) => LEFT + ((value - x0) / (x1 - x0)) * (width - LEFT - RIGHT);
     const down = (value) => HEIGHT - BOTTOM - ((value - y0) / (y1 - y0)) * (HEIGHT - TOP - BOTTOM);
     scales = { right, down, width };
-    const label = (place, value) => s("text", place, number(value));
+    const label = (place, value) => s("text", place, value);
     const parts = [];
-    for (const value of ticks(y0, y1, 4)) {
+    for (const value of ticks(y0, y1, 5)) {
       const y = down(value);
       parts.push(s("line", { x1: LEFT, x2: width - RIGHT, y1: y, y2: y, class: value === 0 ? "zero" : "grid" }));
-      parts.push(label({ x: LEFT - 8, y: y + 4, "text-anchor": "end" }, value));
+      parts.push(label({ x: LEFT - 8, y: y + 4, "text-anchor": "end" }, say(value)));
     }
     for (const value of ticks(x0, x1, Math.max(2, Math.floor(width / 110)))) {
-      parts.push(s("line", { x1: right(value), x2: right(value), y1: HEIGHT - BOTTOM, y2: HEIGHT - BOTTOM + 4, class: "grid" }));
-      parts.push(label({ x: right(value), y: HEIGHT - BOTTOM + 17, "text-anchor": "middle" }, value));
+      parts.push(
+        s("line", { x1: right(value), x2: right(value), y1: HEIGHT - BOTTOM, y2: HEIGHT - BOTTOM + 4, class: "grid" }),
+      );
+      parts.push(label({ x: right(value), y: HEIGHT - BOTTOM + 17, "text-anchor": "middle" }, number(value)));
     }
     parts.push(s("text", { x: (LEFT + width - RIGHT) / 2, y: HEIGHT - 4, "text-anchor": "middle" }, x.label));
     for (const one of list) {
@@ -124,7 +148,7 @@ export function plot({ title, unit, series, x, fromZero = true }) {
     const said = list.map(({ name, key }) => {
       const all = rows.map((row) => row[key]).filter(Number.isFinite);
       const [low, high] = [all.reduce((a, b) => Math.min(a, b)), all.reduce((a, b) => Math.max(a, b))];
-      return `${name}: ${number(low)} to ${number(high)}, at last ${number(all.at(-1))}${unit ? ` ${unit}` : ""}.`;
+      return `${name}: ${say(low)} to ${say(high)}, at last ${say(all.at(-1))}${spaced()}.`;
     });
     return said.join(" ");
   }
@@ -137,14 +161,16 @@ export function plot({ title, unit, series, x, fromZero = true }) {
     const row = rows[mark ?? rows.length - 1];
     if (!row || !group) return;
     const list = shown();
-    const said = list.map(({ name, key }) => `${name} ${number(row[key])}`).join(", ");
-    text(values, `${x.name} ${number(row[x.key])}${x.unit ? ` ${x.unit}` : ""}: ${said}${unit ? ` ${unit}` : ""}`);
+    const said = list.map(({ name, key }) => `${name} ${say(row[key])}`).join(", ");
+    text(values, `${x.name} ${number(row[x.key])}${x.unit ? ` ${x.unit}` : ""}: ${said}${spaced()}`);
     if (mark === null) return;
     const at = scales.right(row[x.key]);
     group.append(s("line", { x1: at, x2: at, y1: TOP, y2: HEIGHT - BOTTOM, class: "cursor" }));
     for (const one of list) {
       if (Number.isFinite(row[one.key])) {
-        group.append(s("circle", { cx: at, cy: scales.down(row[one.key]), r: 3.5, class: `dot s${series.indexOf(one)}` }));
+        group.append(
+          s("circle", { cx: at, cy: scales.down(row[one.key]), r: 3.5, class: `dot s${series.indexOf(one)}` }),
+        );
       }
     }
   }
@@ -153,18 +179,32 @@ export function plot({ title, unit, series, x, fromZero = true }) {
     if (!table.open) return;
     const n = Math.min(rows.length, MOST_ROWS);
     const chosen = Array.from({ length: n }, (_, k) => rows[Math.round((k * (rows.length - 1)) / Math.max(1, n - 1))]);
-    const head = [x.label, ...series.map(({ name }) => (unit ? `${name} (${unit})` : name))];
-    const cells = (row) => series.map(({ key }) => h("td", {}, number(row[key])));
+    const head = [x.label, ...series.map(({ name }) => (shownUnit ? `${name} (${shownUnit})` : name))];
+    const cells = (row) => series.map(({ key }) => h("td", {}, say(row[key])));
     const caption = n < rows.length ? `${title}: ${n} of ${rows.length} rows; the CSV has all` : title;
     const content = h(
       "table",
       {},
       h("caption", {}, caption),
-      h("thead", {}, h("tr", {}, head.map((name) => h("th", { scope: "col" }, name)))),
-      h("tbody", {}, chosen.map((row) => h("tr", {}, h("th", { scope: "row" }, number(row[x.key])), cells(row)))),
+      h(
+        "thead",
+        {},
+        h(
+          "tr",
+          {},
+          head.map((name) => h("th", { scope: "col" }, name)),
+        ),
+      ),
+      h(
+        "tbody",
+        {},
+        chosen.map((row) => h("tr", {}, h("th", { scope: "row" }, number(row[x.key])), cells(row))),
+      ),
     );
     table.querySelector(".scroll")?.remove();
-    table.append(h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": `Numbers of ${title}` }, content));
+    table.append(
+      h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": `Numbers of ${title}` }, content),
+    );
   }
 
   area.addEventListener("pointermove", (event) => {
@@ -182,7 +222,14 @@ export function plot({ title, unit, series, x, fromZero = true }) {
   area.addEventListener("keydown", (event) => {
     const [last, large] = [rows.length - 1, Math.max(1, Math.round(rows.length / 20))];
     const from = mark ?? last;
-    const to = { ArrowLeft: from - 1, ArrowRight: from + 1, PageDown: from - large, PageUp: from + large, Home: 0, End: last }[event.key];
+    const to = {
+      ArrowLeft: from - 1,
+      ArrowRight: from + 1,
+      PageDown: from - large,
+      PageUp: from + large,
+      Home: 0,
+      End: last,
+    }[event.key];
     if (to === undefined) return;
     event.preventDefault();
     point(to);
@@ -192,6 +239,7 @@ export function plot({ title, unit, series, x, fromZero = true }) {
 
   const update = (given) => {
     rows = given;
+    scale();
     draw();
     tabulate();
   };

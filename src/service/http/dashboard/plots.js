@@ -8,6 +8,7 @@ const FRAMES = [
   {
     title: "Energy",
     unit: "J",
+    scaled: true,
     series: [
       { name: "kinetic", key: "kinetic" },
       { name: "strain", key: "strain_j" },
@@ -21,12 +22,19 @@ const FRAMES = [
     series: ["x", "y", "z"].map((axis) => ({ name: axis, key: `momentum_${axis}` })),
   },
   { title: "Largest speed", unit: "m/s", series: [{ name: "speed", key: "max_speed" }] },
-  { title: "Mean step of a frame", unit: "s", series: [{ name: "dt", key: "dt_s" }] },
+  { title: "Mean step of a frame", unit: "s", scaled: true, series: [{ name: "dt", key: "dt_s" }] },
   { title: "Steps of a frame", unit: "", series: [{ name: "steps", key: "steps" }] },
 ];
 
 const STEPS = [
-  { title: "Iterations of an implicit step", unit: "", series: [{ name: "outer", key: "iterations" }, { name: "inner", key: "inner_iterations" }] },
+  {
+    title: "Iterations of an implicit step",
+    unit: "",
+    series: [
+      { name: "outer", key: "iterations" },
+      { name: "inner", key: "inner_iterations" },
+    ],
+  },
 ];
 
 /** A row of diagnostics, with the sums that are plotted. The affine part belongs to the motion. */

@@ -44,7 +44,10 @@ function members(text, at) {
 
 /** Start, end and line of what a pointer names, or of the nearest part around it that is there. */
 export function locate(text, pointer) {
-  const parts = pointer.split("/").slice(1).map((part) => part.replaceAll("~1", "/").replaceAll("~0", "~"));
+  const parts = pointer
+    .split("/")
+    .slice(1)
+    .map((part) => part.replaceAll("~1", "/").replaceAll("~0", "~"));
   let [best, at] = [{ start: 0, end: 0 }, skip(text, 0)];
   for (const part of parts) {
     const inside = text[at] === "{" || text[at] === "[";

@@ -47,6 +47,7 @@ export function preview(id, signal) {
         for (const frame of chosen) list.push(await frames.get(frame));
         known = Object.assign(list, { total });
         if (!playing) show(known.length - 1);
+        else if (note.hidden === false) show(0);
         note.hidden = true;
         button.disabled = false;
         label();

@@ -27,7 +27,12 @@ export function problem(body, reach) {
     { class: "problem" },
     h("p", { class: "problem-title" }, h("strong", {}, body.title), body.code && h("code", {}, body.code)),
     body.detail && h("p", {}, prose(body.detail)),
-    faults.length > 0 && h("ul", { class: "faults" }, faults.map((one) => fault(one, reach))),
+    faults.length > 0 &&
+      h(
+        "ul",
+        { class: "faults" },
+        faults.map((one) => fault(one, reach)),
+      ),
     faults.length === 0 && more,
   );
 }

@@ -59,7 +59,18 @@ export function viridis(t) {
     [0.0054073, 1.4046135, 0.2148476, -5.799101, 14.1799334, -13.7451454, 4.6458526],
     [0.3340998, 1.3845902, 0.0950952, -19.332441, 56.6905526, -65.3530326, 26.3124352],
   ];
-  return k.map((row) => Math.round(255 * Math.min(1, Math.max(0, row.reduceRight((sum, c) => sum * t + c, 0)))));
+  return k.map((row) =>
+    Math.round(
+      255 *
+        Math.min(
+          1,
+          Math.max(
+            0,
+            row.reduceRight((sum, c) => sum * t + c, 0),
+          ),
+        ),
+    ),
+  );
 }
 
 const sub = (a, b) => a.map((x, i) => x - b[i]);
@@ -93,7 +104,8 @@ export class Scene3D {
       gl.attachShader(made, compile(gl.FRAGMENT_SHADER, fragment));
       ["position", "value", "color"].forEach((name, at) => gl.bindAttribLocation(made, at, name));
       gl.linkProgram(made);
-      if (!gl.getProgramParameter(made, gl.LINK_STATUS) && !gl.isContextLost()) throw new Error(gl.getProgramInfoLog(made));
+      if (!gl.getProgramParameter(made, gl.LINK_STATUS) && !gl.isContextLost())
+        throw new Error(gl.getProgramInfoLog(made));
       return { made, ...Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(made, name)])) };
     };
     this.balls = program(POINTS, BALL, ["view", "projection", "size", "low", "high", "valued"]);
@@ -117,7 +129,10 @@ export class Scene3D {
     // The whole domain fits into the narrower side.
     const narrow = Math.min(1, width && height ? width / height : 1);
     const radius = Math.hypot(...sub(max, min)) / 2;
-    const distance = (radius / Math.sin((19 * Math.PI) / 180) / narrow) * (this.flat ? 0.95 : 0.86);
+    const room = 1.1 / Math.tan((19 * Math.PI) / 180) / 2;
+    const [wide, high] = [max[0] - min[0], max[1] - min[1]];
+    const flat = room * Math.max(high, (wide * (height || 1)) / (width || 1));
+    const distance = this.flat ? flat : (0.93 * radius) / Math.sin((19 * Math.PI) / 180) / narrow;
     this.camera = { azimuth, elevation, distance, target };
   }
 
@@ -140,7 +155,10 @@ export class Scene3D {
   }
 
   zoom(factor) {
-    const [min, max] = this.bounds ?? [[0, 0, 0], [1, 1, 1]];
+    const [min, max] = this.bounds ?? [
+      [0, 0, 0],
+      [1, 1, 1],
+    ];
     const whole = Math.hypot(...sub(max, min));
     this.camera.distance = Math.min(50 * whole, Math.max(0.01 * whole, this.camera.distance * factor));
   }
@@ -208,7 +226,10 @@ export class Scene3D {
 
   /** A point's size: about as far as points lie apart when they fill a fifth of the domain. */
   spacing() {
-    const [min, max] = this.bounds ?? [[0, 0, 0], [1, 1, 1]];
+    const [min, max] = this.bounds ?? [
+      [0, 0, 0],
+      [1, 1, 1],
+    ];
     const sides = sub(max, min).filter((side) => side > 0);
     const room = sides.reduce((product, side) => product * side, 1) / 5;
     return 0.75 * (room / Math.max(this.points.n, 50)) ** (1 / sides.length);

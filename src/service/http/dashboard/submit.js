@@ -9,6 +9,8 @@ import { errorPlace, locate } from "./pointer.js";
 import { failed, problem } from "./problem.js";
 
 const PATIENCE = 350;
+/** Scenes that run in moments, and show what to expect. */
+const FIRST = ["quickstart", "bouncing-ball", "elastic-gate-2d", "dam-break"];
 
 export function submit(main, query, signal) {
   const wanted = new URLSearchParams(query);
@@ -32,16 +34,30 @@ export function submit(main, query, signal) {
 
   const field = (id, label, properties, help) => {
     const input = h("input", { id, autocomplete: "off", oninput: () => later(), ...properties });
-    return { input, element: h("div", { class: "field" }, h("label", { for: id }, label), input, help && h("small", {}, help)) };
+    return {
+      input,
+      element: h("div", { class: "field" }, h("label", { for: id }, label), input, help && h("small", {}, help)),
+    };
   };
   const name = field("name", "Name", { maxlength: 200, placeholder: "as in the scene" });
   const tags = field("tags", "Tags", { placeholder: "separated by commas" });
-  const priority = field("priority", "Priority", { type: "number", min: -1000, max: 1000, value: "0" }, "Higher runs first.");
+  const priority = field(
+    "priority",
+    "Priority",
+    { type: "number", min: -1000, max: 1000, value: "0" },
+    "Higher runs first.",
+  );
   const most = field("max-cost", "Most cost (s)", { type: "number", min: 0, step: "any", placeholder: "any" });
   const reuse = h("input", { type: "checkbox", id: "reuse" });
 
   const found = h("ul", { class: "library" });
-  const find = h("input", { type: "search", id: "find", placeholder: "Find a scene", autocomplete: "off", oninput: list });
+  const find = h("input", {
+    type: "search",
+    id: "find",
+    placeholder: "Find a scene",
+    autocomplete: "off",
+    oninput: list,
+  });
   const small = h("input", { type: "checkbox", id: "small", onchange: list });
   let library = [];
 
@@ -87,6 +103,8 @@ export function submit(main, query, signal) {
         { class: "card judge", "aria-labelledby": "judge-title" },
         h("h2", { id: "judge-title" }, "Check and cost"),
         status,
+        errors,
+        button,
         verdict,
       ),
       h(
@@ -95,15 +113,14 @@ export function submit(main, query, signal) {
         h("h2", { id: "options-title" }, "Options"),
         h("div", { class: "fields" }, name.element, tags.element, priority.element, most.element),
         h("label", { class: "check" }, reuse, "Take the result of a finished job of the same scene, if there is one"),
-        errors,
-        button,
       ),
     ),
   );
   judge();
 
   get("/v1/library", signal).then(({ scenes }) => {
-    library = scenes;
+    const rank = ({ name }) => (FIRST.includes(name) ? FIRST.indexOf(name) : FIRST.length);
+    library = scenes.sort((a, b) => rank(a) - rank(b));
     list();
     if (wanted.has("scene")) choose(wanted.get("scene"));
   }, oops(found));
@@ -162,7 +179,10 @@ export function submit(main, query, signal) {
 
   /** The body of the request. The scene goes as it was written, so that the server judges just that. */
   function body() {
-    const words = tags.input.value.split(",").map((tag) => tag.trim()).filter(Boolean);
+    const words = tags.input.value
+      .split(",")
+      .map((tag) => tag.trim())
+      .filter(Boolean);
     const more = {
       ...(name.input.value.trim() && { name: name.input.value }),
       ...(words.length && { tags: words }),
@@ -181,7 +201,9 @@ export function submit(main, query, signal) {
     button.disabled = true;
     if (!editor.value.trim()) {
       text(status, "Nothing to check yet.");
-      verdict.replaceChildren(h("p", { class: "note" }, "The cost of the run will be here, or all faults of the scene."));
+      verdict.replaceChildren(
+        h("p", { class: "note" }, "The cost of the run will be here, or all faults of the scene."),
+      );
       return;
     }
     try {
@@ -189,7 +211,11 @@ export function submit(main, query, signal) {
     } catch (error) {
       const place = errorPlace(editor.value, error.message);
       text(status, "This is not JSON.");
-      const go = h("button", { type: "button", class: "place", onclick: () => reach(place) }, `line ${place.line}, column ${place.column}`);
+      const go = h(
+        "button",
+        { type: "button", class: "place", onclick: () => reach(place) },
+        `line ${place.line}, column ${place.column}`,
+      );
       verdict.replaceChildren(h("div", { class: "problem" }, h("p", {}, go, " ", error.message)));
       return;
     }
@@ -208,7 +234,10 @@ export function submit(main, query, signal) {
         return;
       }
       const faults = error.problem?.faults?.length ?? 0;
-      text(status, faults ? `${faults} ${faults === 1 ? "fault" : "faults"} in the scene.` : "This cannot be submitted.");
+      text(
+        status,
+        faults ? `${faults} ${faults === 1 ? "fault" : "faults"} in the scene.` : "This cannot be submitted.",
+      );
       verdict.replaceChildren(error instanceof ApiError ? problem(error.problem, reach) : failed(error));
     }
   }

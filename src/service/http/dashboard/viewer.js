@@ -31,10 +31,13 @@ export function viewer(main, id, signal) {
   const scrub = h("input", { type: "range", id: "frame", min: 0, max: 0, value: "0", step: 1, disabled: true });
   const said = h("output", { class: "note", for: "frame" });
   const following = h("input", { type: "checkbox", id: "follow", checked: true });
+  const follows = h("label", { class: "check" }, following, "Follow");
   const speed = h(
     "select",
     { id: "speed" },
-    [0.1, 0.25, 0.5, 1, 2].map((x) => h("option", { value: x, selected: x === 1 }, x === 1 ? "as simulated" : `${x} ×`)),
+    [0.1, 0.25, 0.5, 1, 2].map((x) =>
+      h("option", { value: x, selected: x === 1 }, x === 1 ? "as simulated" : `${x} ×`),
+    ),
   );
   const colors = h("select", { id: "field", onchange: recolor });
   const size = h("input", { type: "range", id: "size", min: -2, max: 2, step: 0.1, value: "0", oninput: resize });
@@ -42,7 +45,12 @@ export function viewer(main, id, signal) {
     h("button", { type: "button", onclick: () => (scene3d?.fit(azimuth, elevation), draw()) }, name);
 
   main.append(
-    h("div", { class: "title" }, h("div", {}, h("p", { class: "crumbs" }, h("a", { href: "#/" }, "Jobs"), " / ", back), title), state.element),
+    h(
+      "div",
+      { class: "title" },
+      h("div", {}, h("p", { class: "crumbs" }, h("a", { href: "#/" }, "Jobs"), " / ", back), title),
+      state.element,
+    ),
     errors,
     h(
       "div",
@@ -56,7 +64,7 @@ export function viewer(main, id, signal) {
         h("button", { type: "button", "aria-label": "Frame after", onclick: () => step(1) }, "›"),
         h("label", { class: "grow" }, h("span", { class: "hidden" }, "Frame"), scrub),
         said,
-        h("label", { class: "check" }, following, "Follow"),
+        follows,
       ),
       h(
         "div",
@@ -64,7 +72,14 @@ export function viewer(main, id, signal) {
         h("label", {}, "Colour ", colors),
         h("label", {}, "Speed ", speed),
         h("label", {}, "Point size ", size),
-        h("div", { class: "actions", role: "group", "aria-label": "Directions" }, direction("All"), direction("Front", -90, 0), direction("Side", 0, 0), direction("Top", -90, 90)),
+        h(
+          "div",
+          { class: "actions", role: "group", "aria-label": "Directions" },
+          direction("All"),
+          direction("Front", -90, 0),
+          direction("Side", 0, 0),
+          direction("Top", -90, 90),
+        ),
       ),
       h("p", { class: "note" }, "Drag to turn, drag with Shift or two fingers to move, wheel or pinch to zoom. ", KEYS),
     ),
@@ -171,7 +186,10 @@ export function viewer(main, id, signal) {
     const list = await get(`/v1/jobs/${id}/frames`, signal);
     units = Object.fromEntries(list.fields.map(({ name, unit }) => [name, unit]));
     if (!(field in units)) field = "";
-    const options = list.fields.map(({ name, unit }) => [name, name.replace("_", " ") + (unit && unit !== "1" ? ` (${unit})` : "")]);
+    const options = list.fields.map(({ name, unit }) => [
+      name,
+      name.replace("_", " ") + (unit && unit !== "1" ? ` (${unit})` : ""),
+    ]);
     colors.replaceChildren(...[...options, ["", "as recorded"]].map(([value, label]) => h("option", { value }, label)));
     colors.value = field;
     text(what, field.replace("_", " "));
@@ -187,9 +205,10 @@ export function viewer(main, id, signal) {
     total = job.progress.frames_written;
     scrub.max = Math.max(0, total - 1);
     scrub.disabled = !total;
+    follows.hidden = hasEnded(job);
     if (!before && total) {
       await fields();
-      await go(following.checked && !hasEnded(job) ? total - 1 : hasEnded(job) ? total - 1 : 0);
+      await go(following.checked ? total - 1 : 0);
     } else if (total > before && following.checked) {
       go(total - 1);
     }
@@ -283,7 +302,11 @@ export function viewer(main, id, signal) {
       scene3d.close();
     });
     draw();
-    await follow(`/v1/jobs/${id}/events`, (event, data) => ["status", "progress"].includes(event) && update(data), signal);
+    await follow(
+      `/v1/jobs/${id}/events`,
+      (event, data) => ["status", "progress"].includes(event) && update(data),
+      signal,
+    );
   }
 
   begin().catch((error) => signal.aborted || errors.replaceChildren(failed(error)));
