@@ -15,7 +15,7 @@ export const block = (end, name = "block") => ({
       shape: { box: { min: [0.375, 0.375, 0.5], max: [0.625, 0.625, 0.75] } },
     },
   ],
-  time: { end, frame_rate: 40 },
+  time: { end, frame_rate: 20 },
 });
 
 /** What is wrong: an unknown material, a negative density, a misspelt field. */

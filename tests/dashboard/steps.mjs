@@ -47,7 +47,7 @@ async function pasted(browser) {
   await browser.type("#scene", JSON.stringify(block(0.5), null, 2));
   await browser.shows(".judged", "Valid: 512 particles");
   await browser.shows(".cost", "on two cores");
-  await browser.shows(".facts", "21 frames, 0.5 s");
+  await browser.shows(".facts", "11 frames, 0.5 s");
   await browser.look("new");
   await browser.type("#tags", "first, pasted");
   await browser.until("the button", () => !document.querySelector(".judge .primary").disabled);
@@ -80,13 +80,13 @@ async function jobPage(browser) {
   await key(browser, "Home");
   assert.match(await browser.text(".plot .values"), /^at 0 s: kinetic .* J$/);
   await key(browser, "ArrowRight");
-  assert.match(await browser.text(".plot .values"), /^at 0.025 s/);
+  assert.match(await browser.text(".plot .values"), /^at 0.05 s/);
   const lines = await page.$$eval(".plot:first-child path.series", (paths) => paths.length);
   await page.click(".plot .legend button");
   assert.equal(await page.$$eval(".plot:first-child path.series", (paths) => paths.length), lines - 1);
   await page.click(".plot .legend button");
   await page.click(".plot summary");
-  await browser.until("numbers", () => document.querySelectorAll(".plot .numbers tbody tr").length >= 20);
+  await browser.until("numbers", () => document.querySelectorAll(".plot .numbers tbody tr").length >= 11);
   await page.click(".plot summary");
   for (const link of await page.$$eval(".files a", (links) => links.map((link) => link.href))) {
     assert.equal((await fetch(link)).status, 200, link);
@@ -116,7 +116,7 @@ async function stillForWhoWantsIt(browser) {
 async function view3d(browser) {
   const { page } = browser;
   await browser.go(`#/jobs/${first}/view`);
-  await browser.shows("output", "frame 20 of 20");
+  await browser.shows("output", "frame 10 of 10");
   const drawn = async () => {
     await new Promise((resolve) => setTimeout(resolve, 250));
     return browser.painted(".view3d");
@@ -129,7 +129,7 @@ async function view3d(browser) {
   const turned = await drawn();
   assert.ok(turned.sum !== whole.sum && turned.share > whole.share, JSON.stringify([whole, turned]));
   await key(browser, ",");
-  await browser.shows("output", "frame 19 of 20");
+  await browser.shows("output", "frame 9 of 10");
   const box = await (await page.$(".view3d")).boundingBox();
   await page.mouse.move(box.x + 200, box.y + 200);
   await page.mouse.down();
@@ -145,7 +145,7 @@ async function view3d(browser) {
   assert.notEqual((await drawn()).sum, dragged.sum);
   await page.select("#field", "speed");
   await browser.press("Play");
-  await browser.shows("output", "frame 3 of 20");
+  await browser.shows("output", "frame 3 of 10");
   await browser.press("Pause");
   await browser.press("All");
   await drawn();

@@ -115,11 +115,15 @@ pub async fn list(State(api): State<Api>, JobId(id): JobId) -> Result<Json<Frame
     Ok(Json(list.await?.ok_or_else(|| missing("frame", status))?))
 }
 
-/// The points of a frame, as soon as it is complete. All numbers are little-endian. 64 bytes come first: `GFPT`; u32:
-/// version 1, number of the frame, points that follow, points of the recorded frame, flags (1: values follow, 2: colours
-/// follow); f64: time (s), and the x, y, z (m) that positions are relative to; f32: smallest and largest value of all
-/// recorded points (NaN without any). Then x, y, z of each point (f32, m), then a value (f32) or a colour (four u8: red,
-/// green, blue, alpha) of each.
+/// The points of a frame, as soon as it is complete.
+///
+/// All numbers are little-endian. A head of 64 bytes comes first: `GFPT`; as u32 the version 1, the number of the frame,
+/// how many points follow, how many the recorded frame has, and flags (1: values follow, 2: colours follow); as f64 the
+/// time (s) and the x, y, z (m) that positions are relative to; as f32 the smallest and the largest value of all recorded
+/// points (NaN without any).
+///
+/// Then come x, y, z of each point (f32, m), and after them the value (f32) or the colour (u8: red, green, blue, alpha)
+/// of each point.
 #[utoipa::path(get, path = "/v1/jobs/{id}/frames/{frame}/points", tag = "outputs", operation_id = "get_frame_points",
     params(
         ("id" = Uuid, Path),

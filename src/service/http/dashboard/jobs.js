@@ -82,6 +82,7 @@ export function jobs(main, query, signal) {
     h("button", { type: "button", class: "quiet", onclick: everything("delete") }, "Delete all that match…"),
   ];
 
+  const bulk = h("div", { class: "bulk", hidden: true }, told, h("div", { class: "actions" }, some, many));
   const box = h("input", { type: "checkbox", id: "all", "aria-label": "Select all jobs of this page" });
   box.addEventListener("change", () => selection.set([...rows.values()], box.checked));
   const body = h("tbody", {});
@@ -124,7 +125,7 @@ export function jobs(main, query, signal) {
         search,
       ),
     ),
-    h("div", { class: "bulk" }, told, h("div", { class: "actions" }, some, many)),
+    bulk,
     errors,
     h("div", { class: "scroll" }, table),
     empty,
@@ -212,7 +213,7 @@ export function jobs(main, query, signal) {
     });
     selection.keep(known);
     selected(selection.ids);
-    table.hidden = !list.length;
+    table.hidden = bulk.hidden = !list.length;
     empty.hidden = list.length > 0;
     if (list.length) return;
     const { status, tag, name } = filter();

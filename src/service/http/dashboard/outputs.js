@@ -10,7 +10,7 @@ const VIEWERS = [
     (url) => `https://lichtblick-suite.github.io/lichtblick/?ds=remote-file&ds.url=${encodeURIComponent(url)}`,
   ],
   ["Foxglove", (url) => `https://app.foxglove.dev/~/view?ds=remote-file&ds.url=${encodeURIComponent(url)}`],
-  ["Rerun", (url) => `https://app.rerun.io/?url=${encodeURIComponent(url)}`],
+  ["Rerun", (url) => `https://rerun.io/viewer?url=${encodeURIComponent(url)}`],
 ];
 
 const file = (href, name, about) =>
@@ -65,6 +65,7 @@ export function viewers(job) {
       reach,
       " Any page may read recordings here (CORS).",
     ),
+    h("p", { class: "note" }, "Where Rerun opens no MCAP by its address, download the file and drop it there."),
     h("p", { class: "note" }, "Address of the recording: ", h("code", { class: "address" }, url)),
   ];
 }

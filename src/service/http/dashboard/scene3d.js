@@ -73,6 +73,9 @@ export function viridis(t) {
   );
 }
 
+/** Half of the angle that the view is high. */
+const HALF_ANGLE = (19 * Math.PI) / 180;
+
 const sub = (a, b) => a.map((x, i) => x - b[i]);
 const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0);
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -121,19 +124,19 @@ export class Scene3D {
     this.fit();
   }
 
-  /** Looks at all of the domain. */
+  /** Looks at all of the domain, from as near as all of its corners allow. */
   fit(azimuth = this.flat ? -90 : -60, elevation = this.flat ? 90 : 22) {
     const [min, max] = this.bounds;
     const target = min.map((x, i) => (x + max[i]) / 2);
-    const { width, height } = this.canvas;
-    // The whole domain fits into the narrower side.
-    const narrow = Math.min(1, width && height ? width / height : 1);
-    const radius = Math.hypot(...sub(max, min)) / 2;
-    const room = 1.1 / Math.tan((19 * Math.PI) / 180) / 2;
-    const [wide, high] = [max[0] - min[0], max[1] - min[1]];
-    const flat = room * Math.max(high, (wide * (height || 1)) / (width || 1));
-    const distance = this.flat ? flat : (0.93 * radius) / Math.sin((19 * Math.PI) / 180) / narrow;
-    this.camera = { azimuth, elevation, distance, target };
+    this.camera = { azimuth, elevation, distance: 1, target };
+    const { right, up, back } = this.axes();
+    const high = 0.94 * Math.tan(HALF_ANGLE);
+    const wide = (high * (this.canvas.clientWidth || 1)) / (this.canvas.clientHeight || 1);
+    const needed = Array.from({ length: 8 }, (_, k) => {
+      const corner = target.map((x, axis) => (k & (1 << axis) ? max : min)[axis] - x);
+      return dot(back, corner) + Math.max(Math.abs(dot(right, corner)) / wide, Math.abs(dot(up, corner)) / high);
+    });
+    this.camera.distance = Math.max(...needed);
   }
 
   /** Points of a frame ([`frames.js`]). */
@@ -191,7 +194,7 @@ export class Scene3D {
     const eye = sub(camera.target, origin).map((x, i) => x + camera.distance * back[i]);
     const view = [right, up, back].map((axis) => [...axis, -dot(axis, eye)]);
     const columns = [0, 1, 2, 3].flatMap((i) => [view[0][i], view[1][i], view[2][i], i === 3 ? 1 : 0]);
-    const f = 1 / Math.tan((19 * Math.PI) / 180);
+    const f = 1 / Math.tan(HALF_ANGLE);
     const [near, far] = [camera.distance * 0.02, camera.distance * 20];
     const depth = [(near + far) / (near - far), (2 * near * far) / (near - far)];
     const projection = [(f * height) / width, 0, 0, 0, 0, f, 0, 0, 0, 0, depth[0], -1, 0, 0, depth[1], 0];
