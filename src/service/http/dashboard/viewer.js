@@ -44,6 +44,8 @@ export function viewer(main, id, signal) {
   const direction = (name, azimuth, elevation) =>
     h("button", { type: "button", onclick: () => (scene3d?.fit(azimuth, elevation), draw()) }, name);
 
+  const sides = [direction("Front", -90, 0), direction("Side", 0, 0), direction("Top", -90, 90)];
+
   main.append(
     h(
       "div",
@@ -72,14 +74,7 @@ export function viewer(main, id, signal) {
         h("label", {}, "Colour ", colors),
         h("label", {}, "Speed ", speed),
         h("label", {}, "Point size ", size),
-        h(
-          "div",
-          { class: "actions", role: "group", "aria-label": "Directions" },
-          direction("All"),
-          direction("Front", -90, 0),
-          direction("Side", 0, 0),
-          direction("Top", -90, 90),
-        ),
+        h("div", { class: "actions", role: "group", "aria-label": "Directions" }, direction("All"), sides),
       ),
       h("p", { class: "note" }, "Drag to turn, drag with Shift or two fingers to move, wheel or pinch to zoom. ", KEYS),
     ),
@@ -292,6 +287,8 @@ export function viewer(main, id, signal) {
     const scene = await get(`/v1/jobs/${id}/scene`, signal);
     rate = scene.time.frame_rate ?? 24;
     const { min, max, flat } = domain(scene);
+    // What is flat has one side to look at.
+    sides.forEach((button) => (button.hidden = flat));
     const first = new ResizeObserver(() => draw());
     scene3d.draw();
     scene3d.setBounds(min, max, flat);
