@@ -1,5 +1,5 @@
-// Which rows of a table are selected, by mouse and by keyboard: Space selects, the arrows go from row to row, with Shift
-// they take rows along.
+// Which rows of a table are selected, by mouse and by keyboard: Space selects, the arrows go from row to row, with
+// Shift they take rows along.
 
 /** `rows()` are the rows in order, each with an `id` and a `box` (its checkbox). `changed` is told of the ids. */
 export class Selection {
