@@ -117,10 +117,10 @@ pub async fn list(State(api): State<Api>, JobId(id): JobId) -> Result<Json<Frame
 
 /// The points of a frame, as soon as it is complete.
 ///
-/// All numbers are little-endian. A head of 64 bytes comes first: `GFPT`; as u32 the version 1, the number of the frame,
-/// how many points follow, how many the recorded frame has, and flags (1: values follow, 2: colours follow); as f64 the
-/// time (s) and the x, y, z (m) that positions are relative to; as f32 the smallest and the largest value of all recorded
-/// points (NaN without any).
+/// All numbers are little-endian. A head of 64 bytes comes first: `GFPT`; as u32 the version 1, the number of the
+/// frame, how many points follow, how many the recorded frame has, and flags (1: values follow, 2: colours follow); as
+/// f64 the time (s) and the x, y, z (m) that positions are relative to; as f32 the smallest and the largest value of
+/// all recorded points (NaN without any).
 ///
 /// Then come x, y, z of each point (f32, m), and after them the value (f32) or the colour (u8: red, green, blue, alpha)
 /// of each point.
