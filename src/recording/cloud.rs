@@ -109,7 +109,7 @@ impl Cloud {
     /// At most `most` points, the same share of all parts of the frame; of the field of this name, or else in the
     /// colours that were recorded. There are no values of a field that is not there.
     pub fn take(&self, field: Option<&str>, most: usize) -> FramePoints {
-        let pose = self.message.pose.clone().unwrap_or_default();
+        let pose = self.message.pose.unwrap_or_default();
         let turned = rotation(&pose);
         let origin = pose.position.map_or([0.0; 3], |at| [at.x, at.y, at.z]);
         let (all, n) = (self.len(), self.len().min(most));
@@ -121,8 +121,8 @@ impl Cloud {
         let mut taken = FramePoints { time_s: self.time_s, recorded: all, origin, ..FramePoints::default() };
         taken.positions = chosen().map(position).collect();
         if let Some(value) = field.and_then(|name| self.value(name)) {
-            taken.values = chosen().map(|point| value(point) as f32).collect();
-            let all = (0..all).map(|k| value(self.point(k)) as f32).filter(|value| value.is_finite());
+            taken.values = chosen().map(|point| value.read(point)).collect();
+            let all = (0..all).map(|k| value.read(self.point(k))).filter(|value| value.is_finite());
             taken.range = all.fold(None, |range: Option<[f32; 2]>, value| {
                 let [low, high] = range.unwrap_or([value; 2]);
                 Some([low.min(value), high.max(value)])
@@ -153,15 +153,28 @@ impl Cloud {
     }
 
     /// How to read a field of a point.
-    fn value(&self, name: &str) -> Option<Box<dyn Fn(&[u8]) -> f64>> {
+    fn value(&self, name: &str) -> Option<Value> {
         if !self.fields().contains(&name) {
             return None;
         }
-        if let Some(element) = self.element(name) {
-            return Some(Box::new(move |point| element.read(point)));
-        }
-        let velocity = self.velocity()?;
-        Some(Box::new(move |point| velocity.iter().map(|component| component.read(point).powi(2)).sum::<f64>().sqrt()))
+        self.element(name).map(Value::Recorded).or_else(|| self.velocity().map(Value::Length))
+    }
+}
+
+/// A field that points can be coloured by.
+enum Value {
+    Recorded(Element),
+    /// Of a vector, by its components.
+    Length(Vec<Element>),
+}
+
+impl Value {
+    fn read(&self, point: &[u8]) -> f32 {
+        let value = match self {
+            Self::Recorded(element) => element.read(point),
+            Self::Length(vector) => vector.iter().map(|component| component.read(point).powi(2)).sum::<f64>().sqrt(),
+        };
+        value as f32
     }
 }
 

@@ -113,6 +113,7 @@ export class Browser {
   /** Looks at a view in both schemes and on a phone: no serious finding of axe, nothing beside the page, pictures. */
   async look(name) {
     const { page } = this;
+    await page.evaluate(() => scrollTo(0, 0));
     for (const scheme of ["light", "dark"]) {
       await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
       await page.evaluate(AXE);

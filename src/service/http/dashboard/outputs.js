@@ -40,7 +40,10 @@ export function downloads(job) {
 
 /** Links to viewers, and what they need. */
 export function viewers(job) {
-  if (!hasEnded(job) || !job.progress.frames_written) {
+  if (hasEnded(job) && !job.progress.frames_written) {
+    return [h("p", { class: "note" }, "The job ended before its first frame, so there is no recording.")];
+  }
+  if (!hasEnded(job)) {
     return [h("p", { class: "note" }, "Viewers on the web open the recording once the job has ended.")];
   }
   const url = new URL(`/v1/jobs/${job.id}/recording.mcap`, location.href).href;

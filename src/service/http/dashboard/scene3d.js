@@ -86,6 +86,7 @@ export class Scene3D {
   bounds = null;
   range = [0, 1];
   size = 1;
+  fitted = null;
   /** Degrees above the floor and around it, the distance, and what is looked at (m, absolute). */
   camera = { azimuth: -60, elevation: 22, distance: 3, target: [0, 0, 0] };
 
@@ -137,6 +138,12 @@ export class Scene3D {
       return dot(back, corner) + Math.max(Math.abs(dot(right, corner)) / wide, Math.abs(dot(up, corner)) / high);
     });
     this.camera.distance = Math.max(...needed);
+    this.fitted = [azimuth, elevation];
+  }
+
+  /** To be called when the canvas has another size: what was seen as a whole stays so, until the user moves the view. */
+  resized() {
+    if (this.fitted) this.fit(...this.fitted);
   }
 
   /** Points of a frame ([`frames.js`]). */
@@ -153,11 +160,13 @@ export class Scene3D {
   }
 
   turn(azimuth, elevation) {
+    this.fitted = null;
     this.camera.azimuth = (this.camera.azimuth + azimuth) % 360;
     this.camera.elevation = Math.min(90, Math.max(-90, this.camera.elevation + elevation));
   }
 
   zoom(factor) {
+    this.fitted = null;
     const [min, max] = this.bounds ?? [
       [0, 0, 0],
       [1, 1, 1],
@@ -168,6 +177,7 @@ export class Scene3D {
 
   /** Moves the target by shares of the view's height. */
   pan(right, up) {
+    this.fitted = null;
     const { right: r, up: u } = this.axes();
     const far = 0.7 * this.camera.distance;
     this.camera.target = this.camera.target.map((x, i) => x + far * (right * r[i] + up * u[i]));

@@ -289,7 +289,10 @@ export function viewer(main, id, signal) {
     const { min, max, flat } = domain(scene);
     // What is flat has one side to look at.
     sides.forEach((button) => (button.hidden = flat));
-    const first = new ResizeObserver(() => draw());
+    const first = new ResizeObserver(() => {
+      scene3d.resized();
+      draw();
+    });
     scene3d.draw();
     scene3d.setBounds(min, max, flat);
     first.observe(canvas);
