@@ -141,7 +141,7 @@ export class Scene3D {
     this.fitted = [azimuth, elevation];
   }
 
-  /** To be called when the canvas has another size: what was seen as a whole stays so, until the user moves the view. */
+  /** To be called when the canvas has another size: a view of the whole stays one, until the user moves it. */
   resized() {
     if (this.fitted) this.fit(...this.fitted);
   }
