@@ -8,11 +8,13 @@
 
 mod appearance;
 pub mod checkpoint;
+mod cloud;
 mod colliders;
 mod diagnostics;
 pub mod embedded;
 mod excerpt;
 mod files;
+mod frames;
 mod palette;
 mod picture;
 mod points;
@@ -24,7 +26,9 @@ mod surface;
 mod writer;
 
 pub use appearance::Appearance;
+pub use cloud::{Cloud, FramePoints};
 pub use files::{RecordingError, partial_path, write_file};
+pub use frames::{FrameIndex, frame_points};
 pub use picture::thumbnail;
 pub use recovery::{Snapshot, recover, snapshot};
 pub use writer::{Header, Severity, Writer};

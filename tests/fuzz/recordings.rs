@@ -60,7 +60,19 @@ fn recording() {
     let dir = tempfile::tempdir().unwrap();
     let corpus = unfinished(dir.path());
     let (partial, target) = (dir.path().join("a.mcap.partial"), dir.path().join("a.mcap"));
+    let other = dir.path().join("b.mcap");
     campaign::run("recording", corpus, |input| {
+        // Frames are looked for in it as if it grew, and as if it were finished.
+        for (path, grows) in [(recording::partial_path(&other), true), (other.clone(), false)] {
+            std::fs::write(&path, input).unwrap();
+            let mut index = recording::FrameIndex::default();
+            let looked = index.look(&other);
+            assert!(looked.is_ok() || !grows, "{looked:?}");
+            for frame in 0..index.len().min(3) {
+                let _ = index.points(&other, frame).map(|cloud| cloud.map(|cloud| cloud.take(Some("speed"), 10)));
+            }
+            std::fs::remove_file(&path).unwrap();
+        }
         std::fs::write(&partial, input).unwrap();
         let seen = recording::snapshot(&partial);
         assert!(std::fs::read(&partial).unwrap() == input, "a snapshot changed the file");

@@ -89,6 +89,8 @@ pub const RECORDING: &[Layer] = &[
         &["provenance", "embedded", "files", "excerpt", "diagnostics", "colliders", "appearance", "points", "picture"],
     ),
     ("recovery", &["files"]),
+    ("cloud", &[]),
+    ("frames", &["files", "cloud"]),
     ("checkpoint", &["provenance", "files"]),
     ("run", &["files", "excerpt", "appearance", "picture", "writer", "checkpoint", "state"]),
 ];

@@ -52,7 +52,12 @@ fn unfinished(files: &[Source]) -> Vec<String> {
 }
 
 fn code() -> Vec<Source> {
-    [sources("src", "rs"), sources("tests", "rs"), sources("wgsl", "wgsl")].concat()
+    [sources("src", "rs"), sources("tests", "rs"), sources("wgsl", "wgsl"), scripts()].concat()
+}
+
+/// The dashboard, and what uses it in a browser.
+fn scripts() -> Vec<Source> {
+    [sources("src", "js"), sources("tests/dashboard", "mjs")].concat()
 }
 
 #[test]
@@ -83,7 +88,7 @@ fn files_fit_a_head() {
 #[test]
 fn every_file_says_what_it_is() {
     none(&without_opening(&[sources("src", "rs"), sources("tests", "rs")].concat(), "//!"));
-    none(&without_opening(&sources("wgsl", "wgsl"), "//"));
+    none(&without_opening(&[sources("wgsl", "wgsl"), scripts()].concat(), "//"));
     caught(&without_opening(&[Source::new("src/a.rs", "mod b;\n")], "//!"), &["src/a.rs"]);
 }
 

@@ -196,6 +196,15 @@ pub struct Failure {
     /// Stable, for programs.
     pub code: String,
     pub message: String,
+    /// What to do about failures of this code; null for one that this release does not know.
+    #[schema(required)]
+    pub remedy: Option<&'static str>,
+}
+
+impl From<store::Failure> for Failure {
+    fn from(failure: store::Failure) -> Self {
+        Self { remedy: super::docs::remedy(&failure.code), code: failure.code, message: failure.message }
+    }
 }
 
 /// A file that scenes can name.
@@ -364,7 +373,7 @@ impl From<store::Job> for Job {
             integrator_reason: job.integrator_reason,
             notices: job.notices.into_iter().map(Notice::from).collect(),
             backend: job.backend.map(Into::into),
-            failure: job.failure.map(|failure| Failure { code: failure.code, message: failure.message }),
+            failure: job.failure.map(Into::into),
         }
     }
 }

@@ -91,6 +91,27 @@ pub async fn rerun(
     accept(&api, &prepare(&api, request, room, None).await?).await
 }
 
+/// The scene that a job runs, with its overrides.
+#[utoipa::path(get, path = "/v1/jobs/{id}/scene", tag = "jobs", operation_id = "get_job_scene",
+    params(
+        ("id" = Uuid, Path),
+        ("If-None-Match" = Option<String>, Header, description = "`ETag` of an earlier answer"),
+    ),
+    responses(
+        (status = 200, body = Object, headers(("ETag" = String))),
+        (status = 304, description = "The client has it"),
+    ))]
+pub async fn scene(State(api): State<Api>, JobId(id): JobId, headers: HeaderMap) -> Result<Response, Problem> {
+    let document = api.store.scene(id).await?.ok_or_else(|| Problem::job_not_found(id))?;
+    let version = version(document.as_bytes());
+    if let Some(answer) = version.judge(&Method::GET, &headers)? {
+        return Ok(answer);
+    }
+    let mut answer = ([(header::CONTENT_TYPE, "application/json")], document).into_response();
+    version.write(answer.headers_mut());
+    Ok(answer)
+}
+
 /// Lists jobs, newest first.
 #[utoipa::path(get, path = "/v1/jobs", tag = "jobs", operation_id = "list_jobs",
     params(ListJobs), responses((status = 200, body = JobList)))]

@@ -22,7 +22,7 @@ use super::problem::{Code, Problem, internal};
 use super::range::{Selection, select};
 use super::state::Api;
 use super::tables::{Diagnostics, DiagnosticsFormat, DiagnosticsPer, DiagnosticsQuery, Rows, SolverSteps};
-use crate::store::{AttemptFiles, Status};
+use crate::store::{AttemptFiles, Job, Status};
 use gridfall_recording::{self as recording, RecordingError};
 
 /// How much of a file is read at a time (bytes).
@@ -68,7 +68,7 @@ pub async fn recording(
             return follow(&api, id, &name).await;
         }
     }
-    let (files, status) = find(&api, id).await?;
+    let (files, Job { status, .. }) = find(&api, id).await?;
     let file = FileAnswer { path: &files.recording(), content_type: "application/octet-stream", download: Some(&name) };
     if let Some(response) = file.send(&method, &headers).await? {
         return Ok(response);
@@ -100,7 +100,7 @@ pub async fn recording_so_far(
     JobId(id): JobId,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let (files, status) = find(&api, id).await?;
+    let (files, Job { status, .. }) = find(&api, id).await?;
     // Clients that resume take even a whole answer for a continuation.
     if headers.get(header::RANGE).is_some_and(|range| range != "bytes=0-") {
         let detail = "the recording so far is another file with every frame; download it anew, as a whole";
@@ -163,7 +163,7 @@ pub async fn thumbnail(
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let (files, status) = find(&api, id).await?;
+    let (files, Job { status, .. }) = find(&api, id).await?;
     let file = FileAnswer { path: &files.thumbnail(), content_type: "image/png", download: None };
     file.send(&method, &headers).await?.ok_or_else(|| missing("thumbnail", status))
 }
@@ -258,7 +258,7 @@ pub async fn solver_csv(State(api): State<Api>, JobId(id): JobId) -> Result<Resp
 
 /// The lines that a job has written so far.
 async fn table(api: &Api, id: Uuid, per: DiagnosticsPer) -> Result<String, Problem> {
-    let (files, status) = find(api, id).await?;
+    let (files, Job { status, .. }) = find(api, id).await?;
     let path = match per {
         DiagnosticsPer::Frame => files.diagnostics(),
         DiagnosticsPer::Step => files.solver(),
@@ -288,15 +288,15 @@ fn rows(csv: &str) -> Vec<serde_json::Value> {
 }
 
 /// The files of a job that has started.
-async fn find(api: &Api, id: Uuid) -> Result<(AttemptFiles, Status), Problem> {
+pub(super) async fn find(api: &Api, id: Uuid) -> Result<(AttemptFiles, Job), Problem> {
     let job = api.store.get(id).await?.ok_or_else(|| Problem::job_not_found(id))?;
     if job.status == Status::Queued {
         return Err(missing("output", job.status));
     }
-    Ok((api.data.job(id).attempt(job.attempt), job.status))
+    Ok((api.data.job(id).attempt(job.attempt), job))
 }
 
-fn missing(what: &str, status: Status) -> Problem {
+pub(super) fn missing(what: &str, status: Status) -> Problem {
     let why = match status {
         Status::Queued => "the job waits in the queue",
         Status::Running => "the job has not come that far",

@@ -12,8 +12,8 @@ use utoipa_axum::routes;
 use super::openapi::{self, Description};
 use super::state::Api;
 use super::{
-    assets, cors, devices, docs, encoding, events, groups, guard, health, index, jobs, layers, load, metrics, outputs,
-    scenes,
+    assets, cors, dashboard, devices, docs, encoding, events, frames, groups, guard, health, index, jobs, layers,
+    library, load, metrics, outputs, scenes,
 };
 
 /// All routes of the API, and their OpenAPI document.
@@ -23,6 +23,8 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         .routes(routes!(jobs::submit, jobs::list))
         // /v1/jobs/{id}
         .routes(routes!(jobs::get, jobs::delete))
+        // /v1/jobs/{id}/scene
+        .routes(routes!(jobs::scene))
         // /v1/jobs/{id}/events, /v1/jobs/{id}/log
         .routes(routes!(events::events))
         .routes(routes!(events::log))
@@ -47,11 +49,17 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         .routes(routes!(outputs::recording_so_far))
         .routes(routes!(outputs::thumbnail))
         .routes(routes!(outputs::state))
+        // /v1/jobs/{id}/frames, /v1/jobs/{id}/frames/{frame}/points
+        .routes(routes!(frames::list))
+        .routes(routes!(frames::points))
         // /v1/scenes:validate
         .routes(routes!(scenes::validate))
         // /v1/scenes, /v1/scenes/{id}
         .routes(routes!(scenes::keep, scenes::keep_of_recording, scenes::list))
         .routes(routes!(scenes::get))
+        // /v1/library, /v1/library/{name}
+        .routes(routes!(library::list))
+        .routes(routes!(library::get))
         // /v1/assets, /v1/assets/{id}
         .routes(routes!(assets::put, assets::list))
         .routes(routes!(assets::get))
@@ -77,6 +85,8 @@ pub fn router(api: Api) -> Router {
         .0
         // /docs, /docs/errors
         .merge(docs::routes())
+        // /dashboard/{file}
+        .merge(dashboard::routes())
         .fallback(layers::route_not_found)
         .method_not_allowed_fallback(layers::method_not_allowed)
         .layer(CatchPanicLayer::custom(layers::panicked))

@@ -6,6 +6,7 @@ use std::time::Duration;
 use axum::http::HeaderValue;
 use tokio::sync::Semaphore;
 
+use super::frames::Indexes;
 use super::metrics::Metrics;
 use super::watch::Watches;
 use crate::jobs;
@@ -98,6 +99,7 @@ pub struct Api {
     pub(super) bodies: Arc<Semaphore>,
     pub(super) metrics: Arc<Metrics>,
     pub(super) watches: Arc<Watches>,
+    pub(super) frames: Arc<Indexes>,
 }
 
 impl Api {
@@ -105,6 +107,7 @@ impl Api {
         Self {
             metrics: Arc::new(Metrics::new(&worker.counters)),
             watches: Arc::default(),
+            frames: Arc::default(),
             validations: Arc::new(Semaphore::new(config.max_validations)),
             judges: Arc::new(judges()),
             in_flight: Arc::new(Semaphore::new(config.max_in_flight)),

@@ -2,8 +2,10 @@
 
 mod assets;
 mod clients;
+mod dashboard;
 mod docs;
 mod errors;
+mod frames;
 mod groups;
 mod hostile;
 mod lifecycle;

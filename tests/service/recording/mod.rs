@@ -4,6 +4,7 @@
 mod content;
 mod driver;
 mod fixture;
+mod frames;
 mod recovery;
 mod resuming;
 mod states;

@@ -18,6 +18,11 @@ pub fn routes() -> Router<Api> {
     Router::from(viewer).route("/docs/errors", get(errors))
 }
 
+/// What to do about a job that failed with this code.
+pub fn remedy(code: &str) -> Option<&'static str> {
+    advice::FAILURES.iter().find(|(known, _)| *known == code).map(|(_, advice)| *advice)
+}
+
 async fn errors() -> Html<String> {
     Html(page::html())
 }

@@ -68,6 +68,8 @@ const OF_JOB: &[&str] = &[
     "get_diagnostics_csv",
     "get_solver",
     "get_solver_csv",
+    "get_job_scene",
+    "list_frames",
 ];
 
 fn link(document: &mut Value) {

@@ -1,0 +1,74 @@
+// What a job leaves: files to download, and viewers that open its recording.
+
+import { hasEnded } from "./actions.js";
+import { h } from "./dom.js";
+
+/** Web pages that show a recording from its address. */
+const VIEWERS = [
+  [
+    "Lichtblick",
+    (url) => `https://lichtblick-suite.github.io/lichtblick/?ds=remote-file&ds.url=${encodeURIComponent(url)}`,
+  ],
+  ["Foxglove", (url) => `https://app.foxglove.dev/~/view?ds=remote-file&ds.url=${encodeURIComponent(url)}`],
+  ["Rerun", (url) => `https://rerun.io/viewer?url=${encodeURIComponent(url)}`],
+];
+
+const file = (href, name, about) =>
+  h("li", {}, h("a", { href, download: true }, name), h("span", { class: "note" }, about));
+
+/** Downloads of a job as it stands. */
+export function downloads(job) {
+  const of = (name) => `/v1/jobs/${job.id}/${name}`;
+  if (job.status === "queued") return [h("p", { class: "note" }, "There is nothing to download before the job runs.")];
+  const some = job.progress.frames_written > 0;
+  const recording = hasEnded(job)
+    ? file(of("recording.mcap"), "recording.mcap", "all frames")
+    : file(of("recording-so-far.mcap"), "recording-so-far.mcap", "the frames so far");
+  return [
+    h(
+      "ul",
+      { class: "files" },
+      some && recording,
+      some && file(of("diagnostics.csv"), "diagnostics.csv", "energies, momenta, steps"),
+      job.integrator === "implicit" && some && file(of("solver.csv"), "solver.csv", "a row for each implicit step"),
+      hasEnded(job) && some && file(of("thumbnail.png"), "thumbnail.png", "the last frame"),
+      file(of("scene"), "scene.json", "as it was run"),
+      file(of("log"), "log.txt", "what happened"),
+    ),
+  ];
+}
+
+/** Links to viewers, and what they need. */
+export function viewers(job) {
+  if (hasEnded(job) && !job.progress.frames_written) {
+    return [h("p", { class: "note" }, "The job ended before its first frame, so there is no recording.")];
+  }
+  if (!hasEnded(job)) {
+    return [h("p", { class: "note" }, "Viewers on the web open the recording once the job has ended.")];
+  }
+  const url = new URL(`/v1/jobs/${job.id}/recording.mcap`, location.href).href;
+  const local = ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
+  const reach =
+    location.protocol === "https:" || local
+      ? "Your browser fetches the recording from this server; it is sent nowhere else."
+      : "Browsers let these pages (https) read from other machines by https only: put this server behind https, or " +
+        "download the file and open it there.";
+  return [
+    h(
+      "ul",
+      { class: "viewers" },
+      VIEWERS.map(([name, link]) =>
+        h("li", {}, h("a", { class: "button", href: link(url), target: "_blank", rel: "noreferrer" }, name)),
+      ),
+    ),
+    h(
+      "p",
+      { class: "note" },
+      "They are pages of other sites, in a new tab. ",
+      reach,
+      " Any page may read recordings here (CORS).",
+    ),
+    h("p", { class: "note" }, "Where Rerun opens no MCAP by its address, download the file and drop it there."),
+    h("p", { class: "note" }, "Address of the recording: ", h("code", { class: "address" }, url)),
+  ];
+}

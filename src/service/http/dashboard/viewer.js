@@ -1,0 +1,313 @@
+// The 3D view of a job: its points in any frame, turned by mouse, touch and keyboard. It follows a job that runs.
+
+import { hasEnded } from "./actions.js";
+import { follow, get } from "./api.js";
+import { announce, h, text } from "./dom.js";
+import { count, number, quantity } from "./format.js";
+import { Frames } from "./frames.js";
+import { badge } from "./jobs.js";
+import { failed } from "./problem.js";
+import { domain, Scene3D, viridis } from "./scene3d.js";
+
+const KEYS =
+  "Arrow keys turn the view, with Shift they move it; plus and minus zoom, Home shows all. " +
+  "Space plays, comma and full stop step, F follows.";
+
+export function viewer(main, id, signal) {
+  const frames = new Frames(id, { signal });
+  const state = badge();
+  let [job, scene3d, rate, total, at, field] = [null, null, 24, 0, -1, "speed"];
+  let [playing, wanted, busy, range, units] = [false, null, false, null, {}];
+
+  const title = h("h1", {}, "3D view");
+  const back = h("a", { href: `#/jobs/${id}` }, "Job");
+  const canvas = h("canvas", { class: "view3d", tabindex: 0, role: "application", "aria-label": `3D view. ${KEYS}` });
+  const scale = h("canvas", { class: "scale", width: 200, height: 1, "aria-hidden": "true" });
+  const [low, high, what] = [h("span", {}), h("span", {}), h("span", { class: "what" })];
+  const legend = h("div", { class: "legend3d", hidden: true }, what, scale, h("div", { class: "ends" }, low, high));
+  const note = h("p", { class: "note stage-note", role: "status" }, "The view comes with the first frame.");
+  const errors = h("div", { role: "alert" });
+  const play = h("button", { type: "button", onclick: () => setPlaying(!playing) }, "Play");
+  const scrub = h("input", { type: "range", id: "frame", min: 0, max: 0, value: "0", step: 1, disabled: true });
+  const said = h("output", { class: "note", for: "frame" });
+  const following = h("input", { type: "checkbox", id: "follow", checked: true });
+  const follows = h("label", { class: "check" }, following, "Follow");
+  const speed = h(
+    "select",
+    { id: "speed" },
+    [0.1, 0.25, 0.5, 1, 2].map((x) =>
+      h("option", { value: x, selected: x === 1 }, x === 1 ? "as simulated" : `${x} ×`),
+    ),
+  );
+  const colors = h("select", { id: "field", onchange: recolor });
+  const size = h("input", { type: "range", id: "size", min: -2, max: 2, step: 0.1, value: "0", oninput: resize });
+  const direction = (name, azimuth, elevation) =>
+    h("button", { type: "button", onclick: () => (scene3d?.fit(azimuth, elevation), draw()) }, name);
+
+  const sides = [direction("Front", -90, 0), direction("Side", 0, 0), direction("Top", -90, 90)];
+
+  main.append(
+    h(
+      "div",
+      { class: "title" },
+      h("div", {}, h("p", { class: "crumbs" }, h("a", { href: "#/" }, "Jobs"), " / ", back), title),
+      state.element,
+    ),
+    errors,
+    h(
+      "div",
+      { class: "viewer" },
+      h("div", { class: "stage" }, canvas, legend, note),
+      h(
+        "div",
+        { class: "controls timeline" },
+        play,
+        h("button", { type: "button", "aria-label": "Frame before", onclick: () => step(-1) }, "‹"),
+        h("button", { type: "button", "aria-label": "Frame after", onclick: () => step(1) }, "›"),
+        h("label", { class: "grow" }, h("span", { class: "hidden" }, "Frame"), scrub),
+        said,
+        follows,
+      ),
+      h(
+        "div",
+        { class: "controls" },
+        h("label", {}, "Colour ", colors),
+        h("label", {}, "Speed ", speed),
+        h("label", {}, "Point size ", size),
+        h("div", { class: "actions", role: "group", "aria-label": "Directions" }, direction("All"), sides),
+      ),
+      h("p", { class: "note" }, "Drag to turn, drag with Shift or two fingers to move, wheel or pinch to zoom. ", KEYS),
+    ),
+  );
+
+  scrub.addEventListener("input", () => {
+    following.checked = false;
+    setPlaying(false);
+    go(Number(scrub.value));
+  });
+  following.addEventListener("change", () => following.checked && go(total - 1));
+
+  function draw() {
+    requestAnimationFrame(() => scene3d && !signal.aborted && scene3d.draw());
+  }
+
+  /** Shows a frame; while one is loaded, the last that was asked for waits. */
+  async function go(frame) {
+    if (frame < 0 || frame >= total || !scene3d) return;
+    wanted = frame;
+    if (busy) return;
+    busy = true;
+    try {
+      while (wanted !== null) {
+        const next = wanted;
+        wanted = null;
+        const points = await frames.get(next, field);
+        if (signal.aborted) return;
+        show(points);
+      }
+      errors.replaceChildren();
+    } catch (error) {
+      if (!signal.aborted) errors.replaceChildren(failed(error));
+    } finally {
+      busy = false;
+    }
+  }
+
+  function show(points) {
+    at = points.frame;
+    if (points.values && Number.isFinite(points.range[0])) {
+      range = range ? [Math.min(range[0], points.range[0]), Math.max(range[1], points.range[1])] : [...points.range];
+    }
+    scene3d.range = range ?? [0, 1];
+    scene3d.setPoints(points);
+    draw();
+    note.hidden = true;
+    scrub.value = at;
+    const shares = points.n < points.recorded ? ` of ${count(points.recorded)}` : "";
+    text(said, `frame ${at} of ${total - 1}, ${number(points.time)} s, ${count(points.n)}${shares} points`);
+    scrub.setAttribute("aria-valuetext", `frame ${at}, ${number(points.time)} s`);
+    legend.hidden = !points.values;
+    if (points.values && range) {
+      text(low, quantity(range[0], units[field]));
+      text(high, quantity(range[1], units[field]));
+    }
+  }
+
+  function step(by) {
+    following.checked = false;
+    setPlaying(false);
+    go(Math.min(total - 1, Math.max(0, at + by)));
+  }
+
+  function setPlaying(on) {
+    playing = on && total > 1;
+    text(play, playing ? "Pause" : "Play");
+    if (playing) {
+      following.checked = false;
+      if (at >= total - 1) go(0);
+      tick();
+    }
+  }
+
+  function tick() {
+    if (!playing || signal.aborted) return;
+    if (!busy) {
+      if (at + 1 < total) {
+        go(at + 1);
+        // The next one is on its way while this one is drawn.
+        if (at + 2 < total) frames.get(at + 2, field).catch(() => {});
+      } else if (hasEnded(job)) {
+        go(0);
+      }
+    }
+    setTimeout(tick, Math.max(15, 1000 / (rate * Number(speed.value))));
+  }
+
+  function recolor() {
+    field = colors.value;
+    range = null;
+    text(what, field.replace("_", " "));
+    go(at < 0 ? 0 : at);
+  }
+
+  function resize() {
+    if (!scene3d) return;
+    scene3d.size = 2 ** Number(size.value);
+    draw();
+  }
+
+  /** The fields that points can be coloured by are known with the first frame. */
+  async function fields() {
+    const list = await get(`/v1/jobs/${id}/frames`, signal);
+    units = Object.fromEntries(list.fields.map(({ name, unit }) => [name, unit]));
+    if (!(field in units)) field = "";
+    const options = list.fields.map(({ name, unit }) => [
+      name,
+      name.replace("_", " ") + (unit && unit !== "1" ? ` (${unit})` : ""),
+    ]);
+    colors.replaceChildren(...[...options, ["", "as recorded"]].map(([value, label]) => h("option", { value }, label)));
+    colors.value = field;
+    text(what, field.replace("_", " "));
+  }
+
+  async function update(now) {
+    if (job && job.status !== now.status) announce(`${now.name}: ${now.status}`);
+    job = now;
+    state.update(job);
+    text(title, job.name);
+    document.title = `${job.name}, 3D view · Gridfall`;
+    const before = total;
+    total = job.progress.frames_written;
+    scrub.max = Math.max(0, total - 1);
+    scrub.disabled = !total;
+    follows.hidden = hasEnded(job);
+    if (!before && total) {
+      await fields();
+      await go(following.checked ? total - 1 : 0);
+    } else if (total > before && following.checked) {
+      go(total - 1);
+    }
+    if (hasEnded(job) && !total) text(note, "The job ended before its first frame.");
+    if (job.status === "queued") text(note, "The job waits in the queue. The view comes with the first frame.");
+  }
+
+  function controls() {
+    const pointers = new Map();
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      const before = pointers.get(event.pointerId);
+      if (!before) return;
+      const now = [event.offsetX, event.offsetY];
+      const [dx, dy] = now.map((x, i) => x - before[i]);
+      const height = canvas.clientHeight;
+      if (pointers.size === 2) {
+        const [other] = [...pointers].filter(([key]) => key !== event.pointerId).map(([, place]) => place);
+        const apart = (place) => Math.hypot(place[0] - other[0], place[1] - other[1]) || 1;
+        scene3d.zoom(apart(before) / apart(now));
+        scene3d.pan(-dx / height / 2, dy / height / 2);
+      } else if (event.shiftKey || event.buttons === 2 || event.buttons === 4) {
+        scene3d.pan(-dx / height, dy / height);
+      } else {
+        scene3d.turn(-dx * 0.4, dy * 0.4);
+      }
+      pointers.set(event.pointerId, now);
+      draw();
+    });
+    const release = (event) => pointers.delete(event.pointerId);
+    canvas.addEventListener("pointerup", release);
+    canvas.addEventListener("pointercancel", release);
+    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+    canvas.addEventListener(
+      "wheel",
+      (event) => {
+        event.preventDefault();
+        scene3d.zoom(Math.exp(Math.sign(event.deltaY) * 0.1));
+        draw();
+      },
+      { passive: false },
+    );
+    canvas.addEventListener("keydown", (event) => {
+      const arrows = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+      const others = {
+        "+": () => scene3d.zoom(0.85),
+        "=": () => scene3d.zoom(0.85),
+        "-": () => scene3d.zoom(1.18),
+        Home: () => scene3d.fit(),
+        " ": () => setPlaying(!playing),
+        ",": () => step(-1),
+        ".": () => step(1),
+        f: () => ((following.checked = true), setPlaying(false), go(total - 1)),
+      };
+      const arrow = arrows[event.key];
+      if (event.ctrlKey || event.metaKey || event.altKey) return;
+      if (arrow && event.shiftKey) scene3d.pan(-0.05 * arrow[0], 0.05 * arrow[1]);
+      else if (arrow) scene3d.turn(6 * arrow[0], 6 * arrow[1]);
+      else if (others[event.key]) others[event.key]();
+      else return;
+      event.preventDefault();
+      draw();
+    });
+  }
+
+  async function begin() {
+    try {
+      scene3d = new Scene3D(canvas);
+    } catch (error) {
+      text(note, error.message);
+      return;
+    }
+    const paint = scale.getContext("2d");
+    for (let x = 0; x < 200; x += 1) {
+      paint.fillStyle = `rgb(${viridis(x / 199)})`;
+      paint.fillRect(x, 0, 1, 1);
+    }
+    const scene = await get(`/v1/jobs/${id}/scene`, signal);
+    rate = scene.time.frame_rate ?? 24;
+    const { min, max, flat } = domain(scene);
+    // What is flat has one side to look at.
+    sides.forEach((button) => (button.hidden = flat));
+    const first = new ResizeObserver(() => {
+      scene3d.resized();
+      draw();
+    });
+    scene3d.draw();
+    scene3d.setBounds(min, max, flat);
+    first.observe(canvas);
+    controls();
+    signal.addEventListener("abort", () => {
+      first.disconnect();
+      scene3d.close();
+    });
+    draw();
+    await follow(
+      `/v1/jobs/${id}/events`,
+      (event, data) => ["status", "progress"].includes(event) && update(data),
+      signal,
+    );
+  }
+
+  begin().catch((error) => signal.aborted || errors.replaceChildren(failed(error)));
+}

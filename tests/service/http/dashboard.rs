@@ -1,0 +1,52 @@
+//! The dashboard: what browsers get, and that people can use it. `tests/dashboard` uses it in a browser.
+
+use std::path::Path;
+use std::process::Command;
+
+use super::support::Server;
+
+const HTML: (&str, &str) = ("accept", "text/html,application/xhtml+xml,*/*;q=0.8");
+
+#[test]
+fn browsers_get_the_dashboard_and_programs_an_index() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let index = server.get("/");
+    assert_eq!((index.header("content-type"), index.header("vary")), ("application/json", "accept"));
+    for link in index.json()["links"].as_object().unwrap().values() {
+        let answer = server.get(link.as_str().unwrap());
+        assert_eq!(answer.status, 200, "{link}");
+    }
+    let page = server.call("GET", "/", &[HTML], "");
+    assert_eq!(page.header("content-type"), "text/html; charset=utf-8");
+    assert!(page.header("vary").contains("accept"));
+    let text = String::from_utf8(page.body.clone()).unwrap();
+    let loaded: Vec<&str> = text.split("=\"/dashboard/").skip(1).map(|rest| &rest[..rest.find('"').unwrap()]).collect();
+    assert!(loaded.contains(&"main.js") && loaded.contains(&"style.css"), "{loaded:?}");
+    for path in loaded.iter().map(|name| format!("/dashboard/{name}")).chain(["/".to_owned()]) {
+        let answer = server.call("GET", &path, &[HTML], "");
+        assert_eq!(answer.status, 200, "{path}");
+        assert!(answer.header("content-security-policy").starts_with("default-src 'none'; script-src 'self'"));
+        assert!(!answer.header("content-security-policy").contains("unsafe"));
+        assert_eq!((answer.header("x-content-type-options"), answer.header("cache-control")), ("nosniff", "no-cache"));
+        let tag = answer.header("etag").to_owned();
+        let same = server.call("GET", &path, &[HTML, ("if-none-match", &tag)], "");
+        assert_eq!((same.status, same.body.len()), (304, 0), "{path}");
+    }
+    assert_eq!(server.get("/dashboard/main.js").header("content-type"), "text/javascript; charset=utf-8");
+    for path in ["/dashboard/none.js", "/dashboard/index.html", "/dashboard/%2e%2e%2fmod.rs"] {
+        assert_eq!(server.get(path).json()["code"], "route_not_found", "{path}");
+    }
+}
+
+#[test]
+fn people_can_use_the_dashboard() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/dashboard/run");
+    let tools = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap().join("dashboard");
+    let ran = Command::new(script).arg(&tools).arg(&server.url).arg(tools.join("pictures")).output().unwrap();
+    let said = format!("{}{}", String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));
+    println!("{said}");
+    assert!(ran.status.success(), "{said}");
+}
