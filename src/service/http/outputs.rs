@@ -193,10 +193,10 @@ pub async fn state(
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let (files, status) = find(&api, id).await?;
+    let (files, job) = find(&api, id).await?;
     let name = format!("gridfall-{id}.state.npz");
     let file = FileAnswer { path: &files.state(), content_type: "application/octet-stream", download: Some(&name) };
-    file.send(&method, &headers).await?.ok_or_else(|| missing("state", status))
+    file.send(&method, &headers).await?.ok_or_else(|| missing("state", job.status))
 }
 
 /// Energies, momenta, mass and time steps, one row per frame. Of a running job: those so far.
