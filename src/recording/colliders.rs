@@ -152,11 +152,8 @@ fn draw(setup: &Setup, collider: &Collider, entity: &mut SceneEntity) {
     let half = if sdf.is_sheet() { 0.9 * longest / RESOLUTION as f64 } else { 0.0 };
     let mesh = surface::mesh(|x| sdf.distance([x[0], x[1], flat * x[2]]) - half, lower, upper, RESOLUTION);
     entity.triangles.push(TriangleListPrimitive {
-        pose: Some(Pose {
-            position: Some(vector([0.0; 3])),
-            orientation: Some(quaternion(&gridfall_core::sim::particles::IDENTITY)),
-        }),
-        points: mesh.vertices.into_iter().map(point).collect(),
+        pose: Some(at(domain_lower)),
+        points: mesh.vertices.into_iter().map(|x| point(relative(x, domain_lower))).collect(),
         color,
         indices: mesh.triangles.into_iter().flatten().collect(),
         ..Default::default()
@@ -165,20 +162,30 @@ fn draw(setup: &Setup, collider: &Collider, entity: &mut SceneEntity) {
 
 fn domain_outline(setup: &Setup) -> LinePrimitive {
     let corners = domain_box(setup);
-    let corner = |k: usize| point([corners[k & 1][0], corners[k >> 1 & 1][1], corners[k >> 2][2]]);
+    let corner = |k: usize| {
+        let x = [corners[k & 1][0], corners[k >> 1 & 1][1], corners[k >> 2][2]];
+        point(relative(x, corners[0]))
+    };
     let edges = (0..8).flat_map(|k| [1, 2, 4].into_iter().filter(move |bit| k & bit == 0).map(move |bit| (k, k | bit)));
     LinePrimitive {
         r#type: line_primitive::Type::LineList.into(),
-        pose: Some(Pose {
-            position: Some(vector([0.0; 3])),
-            orientation: Some(quaternion(&gridfall_core::sim::particles::IDENTITY)),
-        }),
+        pose: Some(at(corners[0])),
         thickness: 1.0,
         scale_invariant: true,
         points: edges.flat_map(|(from, to)| [corner(from), corner(to)]).collect(),
         color: Some(Color { r: 0.5, g: 0.55, b: 0.6, a: 0.8 }),
         ..Default::default()
     }
+}
+
+/// An unturned pose. Viewers draw points in f32, so those of an entity are relative to such a pose near
+/// them.
+fn at(position: [f64; 3]) -> Pose {
+    Pose { position: Some(vector(position)), orientation: Some(quaternion(&gridfall_core::sim::particles::IDENTITY)) }
+}
+
+fn relative(x: [f64; 3], to: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|a| x[a] - to[a])
 }
 
 fn vector([x, y, z]: [f64; 3]) -> Vector3 {

@@ -27,7 +27,7 @@ use gridfall_core::sim::diagnostics::{Row, SolverRow};
 use gridfall_core::sim::setup::Setup;
 use gridfall_engine::Backend;
 
-/// Chunks are closed at the end of each frame and, inside large frames, at this size (bytes).
+/// Where no message ends a chunk (see [`Writer::put`]), this size does (bytes).
 const CHUNK_BYTES: u64 = 1 << 20;
 /// zstd's output is the same for every number of threads except zero, so this may differ between
 /// machines.
@@ -186,12 +186,8 @@ impl Writer {
                     else {
                         continue;
                     };
-                    self.mcap.write_to_known_channel(&header, &data).map_err(|source| self.error(source))?;
-                    self.sequences.insert(header.channel_id, header.sequence + 1);
-                    if header.channel_id == self.channels.diagnostics {
-                        self.mcap.flush().map_err(|source| self.error(source))?;
-                        frames += 1;
-                    }
+                    self.put(&header, &data)?;
+                    frames += u64::from(header.channel_id == self.channels.diagnostics);
                 }
                 LinearReadEvent::Record { .. } => {}
             }
@@ -233,21 +229,13 @@ impl Writer {
         row: &Row,
         steps: &[SolverRow],
     ) -> Result<(), RecordingError> {
+        let (nanos, timestamp) = stamp(row.time_s);
         for step in steps {
-            self.now = stamp(step.time_s).0;
+            // The times of steps are sums, which may round past the frame's.
+            self.now = stamp(step.time_s).0.clamp(self.now, nanos);
             self.bytes(self.channels.solver, &diagnostics::encode_solver(step))?;
         }
-        let (nanos, timestamp) = stamp(row.time_s);
         self.now = nanos;
-        let present = Some(colliders::present(setup, row.time_s));
-        if present != self.present {
-            let shown = present.as_deref().unwrap_or_default();
-            self.message(self.channels.colliders, &colliders::scene(setup, shown, timestamp))?;
-            self.present = present;
-        }
-        for transform in colliders::transforms(setup, row.time_s, timestamp) {
-            self.message(self.channels.tf, &transform)?;
-        }
         let points = self.points.message(setup, particles, timestamp);
         self.message(self.channels.particles, &points)?;
         let picture = self.camera.render(setup, particles, row.time_s);
@@ -258,11 +246,19 @@ impl Writer {
             format: "png".into(),
         };
         self.message(self.channels.camera, &image)?;
+        let present = Some(colliders::present(setup, row.time_s));
+        if present != self.present {
+            let shown = present.as_deref().unwrap_or_default();
+            self.message(self.channels.colliders, &colliders::scene(setup, shown, timestamp))?;
+            self.present = present;
+        }
+        for transform in colliders::transforms(setup, row.time_s, timestamp) {
+            self.message(self.channels.tf, &transform)?;
+        }
         self.write_log()?;
         // The last message of a frame. Recovery takes a frame as complete when it finds this
         // message.
-        self.bytes(self.channels.diagnostics, &diagnostics::encode(row))?;
-        self.mcap.flush().map_err(|source| self.error(source))
+        self.bytes(self.channels.diagnostics, &diagnostics::encode(row))
     }
 
     /// Adds a line to `/log`. It goes with the next frame, or with the end of the recording.
@@ -303,10 +299,32 @@ impl Writer {
     }
 
     fn bytes(&mut self, channel_id: u16, data: &[u8]) -> Result<(), RecordingError> {
-        let next = self.sequences.entry(channel_id).or_default();
-        let header = MessageHeader { channel_id, sequence: *next, log_time: self.now, publish_time: self.now };
-        *next += 1;
-        self.mcap.write_to_known_channel(&header, data).map_err(|source| self.error(source))
+        let sequence = self.sequences.get(&channel_id).copied().unwrap_or(0);
+        let header = MessageHeader { channel_id, sequence, log_time: self.now, publish_time: self.now };
+        self.put(&header, data)
+    }
+
+    /// Writes a message, and ends chunks where it says so. Viewers fetch whole chunks, so clouds,
+    /// pictures and shapes have chunks of their own: what plots the small topics reads none of them.
+    /// A frame ends its chunk, so that it is on the disk. Chunks are a function of their messages and of
+    /// nothing else, so that a run that goes on leaves the bytes of one that was never interrupted.
+    fn put(&mut self, header: &MessageHeader, data: &[u8]) -> Result<(), RecordingError> {
+        let Channels { particles, camera, colliders, diagnostics, .. } = self.channels;
+        let (channel, sequence) = (header.channel_id, header.sequence);
+        let large = [particles, camera, colliders].contains(&channel);
+        let mut write = || -> Result<(), McapError> {
+            if large {
+                self.mcap.flush()?;
+            }
+            self.mcap.write_to_known_channel(header, data)?;
+            if large || channel == diagnostics {
+                self.mcap.flush()?;
+            }
+            Ok(())
+        };
+        write().map_err(|source| self.error(source))?;
+        self.sequences.insert(channel, sequence + 1);
+        Ok(())
     }
 
     fn error(&self, source: McapError) -> RecordingError {

@@ -28,7 +28,9 @@ fn a_recording_holds_what_was_simulated() {
         let (state, points) = (&engine.state, &cloud["content"]["points"]);
         for a in 0..3 {
             let (position, velocity) = (numbers(&points[["x", "y", "z"][a]]), numbers(&points[["vx", "vy", "vz"][a]]));
-            assert!(state.x.iter().map(|x| f64::from(x[a] as f32)).eq(position));
+            let corner = problem.setup.origin[a];
+            assert_eq!(cloud["content"]["pose"]["position"][["x", "y", "z"][a]], corner);
+            assert!(state.x.iter().map(|x| f64::from((x[a] - corner) as f32)).eq(position));
             assert!(state.v.iter().map(|v| f64::from(v[a] as f32)).eq(velocity));
         }
         let stretch = 1.001f64.powi(frame as i32);
