@@ -55,8 +55,8 @@ pub fn corners(bounds: &Bounds) -> [V3; 8] {
     std::array::from_fn(|k| V3::new(bounds[k & 1].x, bounds[k >> 1 & 1].y, bounds[k >> 2].z))
 }
 
-/// The height of the floor that things fall on, above the domain's lower corner. `None` unless gravity points along −z and there is
-/// a wall.
+/// The height of the floor that things fall on, above the domain's lower corner. `None` unless
+/// gravity points along −z and there is a wall.
 pub fn floor(setup: &Setup) -> Option<f32> {
     let walled = setup.dimension == 3 && matches!(setup.axes[2], Axis::Walls(_));
     (walled && setup.gravity[2] < 0.0).then_some(0.0)

@@ -2,9 +2,10 @@
 //! pictures of frames.
 //!
 //! A recording is written as `NAME.mcap.partial`, append-only, one frame after the other. Each
-//! frame ends with its `/diagnostics` message and a closed chunk. What is on disk up to the last
-//! closed frame can be made a valid, indexed file by appending an index ([`snapshot`],
-//! [`recover`]). A finished recording is renamed to `NAME.mcap`.
+//! frame ends with its `/diagnostics` message and a closed chunk; its cloud, its picture and shapes
+//! have chunks of their own. What is on disk up to the last closed frame can be made a valid,
+//! indexed file by appending an index ([`snapshot`], [`recover`]), and read message by message
+//! ([`Growing`]). A finished recording is renamed to `NAME.mcap`.
 
 mod appearance;
 pub mod checkpoint;
@@ -12,6 +13,8 @@ mod colliders;
 mod diagnostics;
 mod excerpt;
 mod files;
+mod growing;
+mod index;
 mod palette;
 mod picture;
 mod points;
@@ -23,6 +26,7 @@ mod writer;
 
 pub use appearance::Appearance;
 pub use files::{RecordingError, partial_path, write_file};
+pub use growing::{Channel, Growing, Message};
 pub use picture::thumbnail;
 pub use recovery::{Snapshot, recover, snapshot};
 pub use writer::{Header, Severity, Writer};

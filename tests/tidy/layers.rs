@@ -81,7 +81,9 @@ pub const RECORDING: &[Layer] = &[
     ("points", &["excerpt", "colliders", "appearance", "palette"]),
     ("picture", &["excerpt", "colliders", "appearance", "palette"]),
     ("writer", &["provenance", "files", "excerpt", "diagnostics", "colliders", "appearance", "points", "picture"]),
-    ("recovery", &["files"]),
+    ("index", &[]),
+    ("recovery", &["files", "index"]),
+    ("growing", &["files", "index"]),
     ("checkpoint", &["provenance", "files"]),
     ("run", &["files", "excerpt", "appearance", "picture", "writer", "checkpoint"]),
 ];

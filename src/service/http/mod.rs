@@ -19,6 +19,7 @@ mod health;
 mod index;
 mod jobs;
 mod layers;
+mod live;
 mod load;
 mod metrics;
 mod openapi;
@@ -31,6 +32,7 @@ mod server;
 mod state;
 mod submission;
 mod tables;
+mod viewer;
 mod watch;
 
 pub use docs::markdown as error_codes;

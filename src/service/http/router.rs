@@ -12,8 +12,8 @@ use utoipa_axum::routes;
 use super::openapi::{self, Description};
 use super::state::Api;
 use super::{
-    assets, cors, devices, docs, encoding, events, groups, guard, health, index, jobs, layers, load, metrics, outputs,
-    scenes,
+    assets, cors, devices, docs, encoding, events, groups, guard, health, index, jobs, layers, live, load, metrics,
+    outputs, scenes,
 };
 
 /// All routes of the API, and their OpenAPI document.
@@ -46,6 +46,8 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         .routes(routes!(outputs::recording))
         .routes(routes!(outputs::recording_so_far))
         .routes(routes!(outputs::thumbnail))
+        // /v1/jobs/{id}/live
+        .routes(routes!(live::live))
         // /v1/scenes:validate
         .routes(routes!(scenes::validate))
         // /v1/scenes, /v1/scenes/{id}

@@ -10,5 +10,5 @@ mod lifecycle;
 mod manners;
 mod openapi;
 mod outputs;
-mod support;
+pub mod support;
 mod watching;
