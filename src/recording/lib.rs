@@ -8,6 +8,7 @@
 //! ([`Growing`]). A finished recording is renamed to `NAME.mcap`.
 
 mod appearance;
+mod channels;
 pub mod checkpoint;
 mod colliders;
 mod diagnostics;

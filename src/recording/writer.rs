@@ -8,13 +8,14 @@ use std::path::{Path, PathBuf};
 
 use foxglove::Encode;
 use foxglove::messages::log::Level;
-use foxglove::messages::{self, CompressedImage, Log, Timestamp};
+use foxglove::messages::{CompressedImage, Log, Timestamp};
 use mcap::records::{MessageHeader, Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::write::NoSeek;
 use mcap::{Attachment, McapError, WriteOptions};
 use sha2::{Digest, Sha256};
 
+use super::channels::{Channels, Kind};
 use super::colliders::WORLD;
 use super::files::{RecordingError, partial_path, publish, sync};
 use super::picture::Camera;
@@ -50,23 +51,14 @@ pub enum Severity {
     Error,
 }
 
-/// Channel ids.
-struct Channels {
-    particles: u16,
-    colliders: u16,
-    tf: u16,
-    log: u16,
-    camera: u16,
-    solver: u16,
-    diagnostics: u16,
-}
-
 /// A recording being written.
 pub struct Writer {
     mcap: mcap::Writer<NoSeek<BufWriter<File>>>,
     target: PathBuf,
     partial: PathBuf,
     channels: Channels,
+    /// What the chunk that is open has, if one is.
+    open: Option<Kind>,
     /// Indices of the particles that are recorded, ascending.
     wanted: Vec<u32>,
     points: Points,
@@ -114,7 +106,7 @@ impl Writer {
             for (name, metadata) in provenance_records(header, recorded.len()) {
                 mcap.write_metadata(&mcap::write::Metadata { name: name.into(), metadata })?;
             }
-            let channels = add_channels(&mut mcap)?;
+            let channels = Channels::add(&mut mcap, setup)?;
             Ok((mcap, channels))
         };
         match start() {
@@ -123,6 +115,8 @@ impl Writer {
                 target: target.to_owned(),
                 partial,
                 channels,
+                // The topics and their schemas.
+                open: Some(Kind::Other),
                 wanted,
                 points,
                 camera,
@@ -250,6 +244,12 @@ impl Writer {
         if present != self.present {
             let shown = present.as_deref().unwrap_or_default();
             self.message(self.channels.colliders, &colliders::scene(setup, shown, timestamp))?;
+            for (n, (collider, &shown)) in setup.colliders.iter().zip(shown).enumerate() {
+                if self.present.as_ref().is_none_or(|before| before[n] != shown) {
+                    let points = colliders::points(setup, collider, shown, timestamp);
+                    self.message(self.channels.shapes[n], &points)?;
+                }
+            }
             self.present = present;
         }
         for transform in colliders::transforms(setup, row.time_s, timestamp) {
@@ -304,53 +304,29 @@ impl Writer {
         self.put(&header, data)
     }
 
-    /// Writes a message, and ends chunks where it says so. Viewers fetch whole chunks, so clouds,
-    /// pictures and shapes have chunks of their own: what plots the small topics reads none of them.
-    /// A frame ends its chunk, so that it is on the disk. Chunks are a function of their messages and of
-    /// nothing else, so that a run that goes on leaves the bytes of one that was never interrupted.
+    /// Writes a message. Chunks have messages of one [`Kind`] and of one frame, whose end is on the disk
+    /// when this returns. They are a function of their messages and of nothing else, so that a run that
+    /// goes on leaves the bytes of one that was never interrupted.
     fn put(&mut self, header: &MessageHeader, data: &[u8]) -> Result<(), RecordingError> {
-        let Channels { particles, camera, colliders, diagnostics, .. } = self.channels;
-        let (channel, sequence) = (header.channel_id, header.sequence);
-        let large = [particles, camera, colliders].contains(&channel);
+        let kind = self.channels.kind(header.channel_id);
+        let last = header.channel_id == self.channels.diagnostics;
+        let other = self.open.is_some_and(|open| open != kind);
         let mut write = || -> Result<(), McapError> {
-            if large {
+            if other {
                 self.mcap.flush()?;
             }
             self.mcap.write_to_known_channel(header, data)?;
-            if large || channel == diagnostics {
-                self.mcap.flush()?;
-            }
-            Ok(())
+            if last { self.mcap.flush() } else { Ok(()) }
         };
         write().map_err(|source| self.error(source))?;
-        self.sequences.insert(channel, sequence + 1);
+        self.open = Some(kind).filter(|_| !last);
+        self.sequences.insert(header.channel_id, header.sequence + 1);
         Ok(())
     }
 
     fn error(&self, source: McapError) -> RecordingError {
         RecordingError::Mcap { path: self.partial.clone(), source }
     }
-}
-
-fn add_channels(mcap: &mut mcap::Writer<NoSeek<BufWriter<File>>>) -> Result<Channels, McapError> {
-    let mut add = |topic: &str, name: &str, schema: &[u8]| {
-        let schema = mcap.add_schema(name, "protobuf", schema)?;
-        mcap.add_channel(schema, topic, "protobuf", &BTreeMap::new())
-    };
-    fn schema<M: Encode>() -> foxglove::Schema {
-        M::get_schema().expect("Foxglove's messages have schemas")
-    }
-    let mut add_foxglove = |topic: &str, schema: foxglove::Schema| add(topic, &schema.name, &schema.data);
-    Ok(Channels {
-        particles: add_foxglove("/particles", schema::<messages::PointCloud>())?,
-        colliders: add_foxglove("/colliders", schema::<messages::SceneUpdate>())?,
-        tf: add_foxglove("/tf", schema::<messages::FrameTransform>())?,
-        log: add_foxglove("/log", schema::<Log>())?,
-        camera: add_foxglove("/camera", schema::<CompressedImage>())?,
-        solver: add("/solver", diagnostics::SOLVER_SCHEMA_NAME, &diagnostics::schema())?,
-        // The largest id, so that its index is the last one after a chunk; see `recovery`.
-        diagnostics: add("/diagnostics", diagnostics::SCHEMA_NAME, &diagnostics::schema())?,
-    })
 }
 
 /// The metadata records `build`, `run` and `hardware`.

@@ -35,7 +35,7 @@ def points(cloud):
 def content(topic, message, raw, brief):
     if brief:
         return hashlib.sha256(raw).hexdigest()
-    if topic == "/particles":
+    if topic == "/particles" or topic.startswith("/colliders/"):
         pose = MessageToDict(message.pose, always_print_fields_with_no_presence=True)
         return {"frame_id": message.frame_id, "pose": pose, "points": points(message)}
     if topic == "/camera":

@@ -67,6 +67,11 @@ fn a_recording_holds_what_was_simulated() {
     let expected = [
         ("/camera", "foxglove.CompressedImage"),
         ("/colliders", "foxglove.SceneUpdate"),
+        ("/colliders/ball", "foxglove.PointCloud"),
+        ("/colliders/bowl", "foxglove.PointCloud"),
+        ("/colliders/paddle", "foxglove.PointCloud"),
+        ("/colliders/post", "foxglove.PointCloud"),
+        ("/colliders/ring", "foxglove.PointCloud"),
         ("/diagnostics", "gridfall.Diagnostics"),
         ("/log", "foxglove.Log"),
         ("/particles", "foxglove.PointCloud"),
@@ -229,6 +234,21 @@ fn colliders_are_drawn_and_move() {
     assert_eq!(kinds("triangles"), ["ring", "bowl"]);
     let frames: Vec<_> = entities.iter().map(|entity| entity["frame_id"].as_str().unwrap()).collect();
     assert_eq!(frames, ["world", "colliders/paddle", "world", "world", "world", "colliders/bowl"]);
+
+    // The same as points, sent when they come and go.
+    let clouds = |name: &str| -> Vec<&Value> {
+        messages(recording, &format!("/colliders/{name}")).iter().map(|message| &message["content"]).collect()
+    };
+    let sizes = clouds("post").iter().map(|cloud| numbers(&cloud["points"]["x"]).len()).collect::<Vec<_>>();
+    assert!(sizes[0] == 0 && sizes[1] > 100 && sizes[2] == 0 && sizes.len() == 3, "{sizes:?}");
+    let [ball] = clouds("ball")[..] else { panic!("it never goes") };
+    assert_eq!(ball["frame_id"], "world");
+    let [x, y, z] = ["x", "y", "z"].map(|axis| numbers(&ball["points"][axis]));
+    for ((x, y), z) in x.iter().zip(&y).zip(&z) {
+        let r = (x - 1.5).hypot(y - 0.5).hypot(z - 0.8);
+        assert!((r - 0.1).abs() < 0.005, "{r}");
+    }
+    assert_eq!(clouds("paddle")[0]["frame_id"], "colliders/paddle");
 
     let transforms = messages(recording, "/tf");
     assert_eq!(transforms.len(), 12);
