@@ -57,6 +57,12 @@ impl Growing {
         look().map_err(RecordingError::io("read", path))
     }
 
+    /// How much of the file no recovery takes away (bytes): up to the last whole frame, or all if the
+    /// recording is finished. 0 before the file's header is there.
+    pub fn safe(&self) -> u64 {
+        self.contents.end
+    }
+
     /// Number of chunks up to the last whole frame, or of all if the recording is finished.
     pub fn chunks(&self) -> usize {
         self.contents.chunks.len()

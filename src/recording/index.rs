@@ -73,7 +73,9 @@ impl Contents {
                 break;
             }
             offset = next;
-            file.seek(SeekFrom::Start(offset))?;
+            // What is buffered stays so: records are many and short.
+            let position = file.stream_position()?;
+            file.seek_relative(offset as i64 - position as i64)?;
         }
         self.chunks.truncate(self.chunks_kept);
         Ok(())

@@ -293,13 +293,17 @@ impl Show {
             }
         };
         socket.send(viewer::status(level, reason)).await?;
-        let code = if matches!(level, Level::Error) { close_code::ERROR } else { close_code::NORMAL };
+        let code = match level {
+            Level::Error => close_code::ERROR,
+            Level::Warning => close_code::AWAY,
+            Level::Info => close_code::NORMAL,
+        };
         socket.send(Message::Close(Some(CloseFrame { code, reason: reason.into() }))).await
     }
 }
 
 /// Does with a recording what may take its time.
-async fn apart<T: Send + 'static>(
+pub(super) async fn apart<T: Send + 'static>(
     mut recording: Growing,
     work: impl FnOnce(&mut Growing) -> T + Send + 'static,
 ) -> (Growing, T) {
