@@ -23,6 +23,9 @@ use gridfall_core::sim::setup::Setup;
 /// Coordinate frame of everything that does not move.
 pub const WORLD: &str = "world";
 
+/// The frame of Rerun's views, which it connects with no other.
+const RERUN: &str = "tf#/";
+
 /// Cells along the longest side of a meshed collider, and of one that is drawn as points.
 const RESOLUTION: usize = 64;
 const COARSE: usize = 24;
@@ -53,6 +56,18 @@ pub fn scene(setup: &Setup, present: &[bool], timestamp: Timestamp) -> SceneUpda
         entities.push(shape);
     }
     SceneUpdate { entities, deletions }
+}
+
+/// Says that the world is what Rerun's views show: without it, they show nothing until told.
+pub fn anchor(timestamp: Timestamp) -> FrameTransform {
+    let Pose { position, orientation } = at([0.0; 3]);
+    FrameTransform {
+        timestamp: Some(timestamp),
+        parent_frame_id: RERUN.into(),
+        child_frame_id: WORLD.into(),
+        translation: position,
+        rotation: orientation,
+    }
 }
 
 /// The transforms of the moving colliders' frames.

@@ -110,7 +110,7 @@ fn rerun_reads_recordings() {
     // What Rerun shows of each topic. Of a SceneUpdate and of our own messages it has the fields.
     for (topic, column, count) in [
         ("/camera", "EncodedImage:blob", 6),
-        ("/tf", "Transform3D:translation", 6),
+        ("/tf", "Transform3D:translation", 7),
         ("/log", "TextLog:text", 3),
         ("/colliders", "foxglove.SceneUpdate:message", 1),
         ("/colliders/paddle", "Points3D:positions", 1),

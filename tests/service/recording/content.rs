@@ -251,8 +251,11 @@ fn colliders_are_drawn_and_move() {
     assert_eq!(clouds("paddle")[0]["frame_id"], "colliders/paddle");
 
     let transforms = messages(recording, "/tf");
-    assert_eq!(transforms.len(), 12);
-    let last = &transforms[10]["content"];
+    assert_eq!(transforms.len(), 13);
+    let anchor = &transforms[0]["content"];
+    assert_eq!((anchor["parent_frame_id"].as_str(), anchor["child_frame_id"].as_str()), (Some("tf#/"), Some("world")));
+    assert_eq!((anchor["translation"]["x"].as_f64(), anchor["rotation"]["w"].as_f64()), (Some(0.0), Some(1.0)));
+    let last = &transforms[11]["content"];
     assert_eq!(
         (last["parent_frame_id"].as_str(), last["child_frame_id"].as_str()),
         (Some("world"), Some("colliders/paddle"))
