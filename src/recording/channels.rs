@@ -52,7 +52,7 @@ impl Channels {
                 .iter()
                 .map(|collider| add_foxglove(&colliders::points_topic(collider), schema::<messages::PointCloud>()))
                 .collect::<Result<_, _>>()?,
-            tf: add_foxglove("/tf", schema::<messages::FrameTransform>())?,
+            tf: add_foxglove("/tf", schema::<messages::FrameTransforms>())?,
             log: add_foxglove("/log", schema::<Log>())?,
             camera: add_foxglove("/camera", schema::<CompressedImage>())?,
             solver: add("/solver", diagnostics::SOLVER_SCHEMA_NAME, &diagnostics::schema())?,

@@ -1,18 +1,21 @@
 //! `/colliders` and `/tf`: obstacles and the domain as `foxglove.SceneUpdate`, motions as
-//! `foxglove.FrameTransform`.
+//! `foxglove.FrameTransforms`.
 //!
 //! Shapes are sent in the frame of their collider, at frame 0 and whenever a collider appears or
 //! disappears. Each message has all of them, so that a viewer that seeks finds them in the latest
-//! message. The frames of moving colliders are sent with every frame.
+//! message. The frames of moving colliders are sent with every frame, in one message for the same
+//! reason.
 //!
 //! Not every viewer draws a `SceneUpdate`, but all draw points. So `/colliders/NAME` has points of the
 //! collider's surface as a `foxglove.PointCloud`, empty while there is no such collider.
 
+use std::iter;
+
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{
-    Color, CubePrimitive, CylinderPrimitive, Duration, FrameTransform, LinePrimitive, PackedElementField, Point3,
-    PointCloud, Pose, Quaternion, SceneEntity, SceneEntityDeletion, SceneUpdate, SpherePrimitive, Timestamp,
-    TriangleListPrimitive, Vector3, line_primitive, scene_entity_deletion,
+    Color, CubePrimitive, CylinderPrimitive, Duration, FrameTransform, FrameTransforms, LinePrimitive,
+    PackedElementField, Point3, PointCloud, Pose, Quaternion, SceneEntity, SceneEntityDeletion, SceneUpdate,
+    SpherePrimitive, Timestamp, TriangleListPrimitive, Vector3, line_primitive, scene_entity_deletion,
 };
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
@@ -23,7 +26,7 @@ use gridfall_core::sim::setup::Setup;
 /// Coordinate frame of everything that does not move.
 pub const WORLD: &str = "world";
 
-/// The frame of Rerun's views, which it connects with no other.
+/// The frame that Rerun's views are in, which it connects with no other.
 const RERUN: &str = "tf#/";
 
 /// Cells along the longest side of a meshed collider, and of one that is drawn as points.
@@ -58,9 +61,10 @@ pub fn scene(setup: &Setup, present: &[bool], timestamp: Timestamp) -> SceneUpda
     SceneUpdate { entities, deletions }
 }
 
-/// Says that the world is what Rerun's views show: without it, they show nothing until told.
-pub fn anchor(timestamp: Timestamp) -> FrameTransform {
-    let Pose { position, orientation } = at([0.0; 3]);
+/// Puts the domain's corner where viewers look first. Rerun's views show nothing without it, and
+/// nothing sharp far from their origin.
+fn anchor(setup: &Setup, timestamp: Timestamp) -> FrameTransform {
+    let Pose { position, orientation } = at(relative([0.0; 3], setup.origin));
     FrameTransform {
         timestamp: Some(timestamp),
         parent_frame_id: RERUN.into(),
@@ -70,8 +74,8 @@ pub fn anchor(timestamp: Timestamp) -> FrameTransform {
     }
 }
 
-/// The transforms of the moving colliders' frames.
-pub fn transforms(setup: &Setup, time_s: f64, timestamp: Timestamp) -> Vec<FrameTransform> {
+/// The transforms of the world's and of the moving colliders' frames.
+pub fn transforms(setup: &Setup, time_s: f64, timestamp: Timestamp) -> FrameTransforms {
     let moving = setup.colliders.iter().filter(|collider| collider.motion.moves());
     let transform = |collider: &Collider| {
         let pose = collider.motion.pose(time_s);
@@ -83,7 +87,7 @@ pub fn transforms(setup: &Setup, time_s: f64, timestamp: Timestamp) -> Vec<Frame
             rotation: Some(quaternion(&pose.rotation)),
         }
     };
-    moving.map(transform).collect()
+    FrameTransforms { transforms: iter::once(anchor(setup, timestamp)).chain(moving.map(transform)).collect() }
 }
 
 /// True for hollow shapes and grips, so that what they hold is visible.

@@ -241,7 +241,6 @@ impl Writer {
         };
         self.message(self.channels.camera, &image)?;
         let present = Some(colliders::present(setup, row.time_s));
-        let first = self.present.is_none();
         if present != self.present {
             let shown = present.as_deref().unwrap_or_default();
             self.message(self.channels.colliders, &colliders::scene(setup, shown, timestamp))?;
@@ -253,10 +252,7 @@ impl Writer {
             }
             self.present = present;
         }
-        let anchor = first.then(|| colliders::anchor(timestamp));
-        for transform in anchor.into_iter().chain(colliders::transforms(setup, row.time_s, timestamp)) {
-            self.message(self.channels.tf, &transform)?;
-        }
+        self.message(self.channels.tf, &colliders::transforms(setup, row.time_s, timestamp))?;
         self.write_log()?;
         // The last message of a frame. Recovery takes a frame as complete when it finds this
         // message.

@@ -50,6 +50,8 @@ def nanoseconds(stamp):
 def stamp(topic, message):
     if topic == "/colliders":
         return nanoseconds(message.entities[0].timestamp)
+    if topic == "/tf":
+        return nanoseconds(message.transforms[0].timestamp)
     if topic in ("/diagnostics", "/solver"):
         return round(message.time_s * 1e9)
     return nanoseconds(message.timestamp)

@@ -110,7 +110,8 @@ fn rerun_reads_recordings() {
     // What Rerun shows of each topic. Of a SceneUpdate and of our own messages it has the fields.
     for (topic, column, count) in [
         ("/camera", "EncodedImage:blob", 6),
-        ("/tf", "Transform3D:translation", 7),
+        // Of the world and of the paddle.
+        ("/tf", "Transform3D:translation", 12),
         ("/log", "TextLog:text", 3),
         ("/colliders", "foxglove.SceneUpdate:message", 1),
         ("/colliders/paddle", "Points3D:positions", 1),
@@ -120,6 +121,11 @@ fn rerun_reads_recordings() {
     ] {
         assert_eq!(rows(topic, column).len(), count, "{topic}");
     }
+    // Its views look from the domain's corner.
+    let frames = rows("/tf", "Transform3D:translation");
+    let world = frames.iter().filter(|row| row.contains(&"[tf#/]".to_owned()) && row.contains(&"[world]".to_owned()));
+    assert!(world.clone().all(|row| row.contains(&"[[-500000.0, -5000000.0, -100.0]]".to_owned())), "{frames:?}");
+    assert_eq!(world.count(), 6);
 }
 
 /// Foxglove's client, once it is connected.

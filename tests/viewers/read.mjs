@@ -95,9 +95,12 @@ for await (const { topic, logTime, publishTime, content } of messages(reader)) {
   } else if (topic === "/colliders/paddle") {
     assert.equal(content.frame_id, "colliders/paddle");
   } else if (topic === "/tf") {
-    assert.equal(content.child_frame_id, nth === 0 ? "world" : "colliders/paddle");
+    const [world, paddle] = content.transforms;
+    assert.deepEqual([world.parent_frame_id, world.child_frame_id], ["tf#/", "world"]);
+    assert.deepEqual(vector(world.translation), CORNER.map((x) => -x));
+    assert.equal(paddle.child_frame_id, "colliders/paddle");
     const angle = (0.5 * Number(logTime)) / 1e9;
-    assert.ok(Math.abs(content.rotation.z - Math.sin(angle / 2)) < 1e-12);
+    assert.ok(Math.abs(paddle.rotation.z - Math.sin(angle / 2)) < 1e-12);
   } else if (topic === "/camera") {
     assert.deepEqual([...content.data.slice(1, 4)], [..."PNG"].map((c) => c.charCodeAt(0)));
   } else if (topic === "/diagnostics") {
@@ -105,7 +108,6 @@ for await (const { topic, logTime, publishTime, content } of messages(reader)) {
   }
 }
 assert.ok(counts["/solver"] >= FRAMES - 1 && counts["/log"] >= 2);
-for (const topic of ["/particles", "/camera", "/diagnostics"]) assert.equal(counts[topic], FRAMES, topic);
-assert.equal(counts["/tf"], FRAMES + 1);
+for (const topic of ["/particles", "/camera", "/tf", "/diagnostics"]) assert.equal(counts[topic], FRAMES, topic);
 for (const topic of ["/colliders", "/colliders/paddle", "/colliders/ring"]) assert.equal(counts[topic], 1, topic);
 console.log(JSON.stringify(counts));

@@ -75,7 +75,7 @@ fn a_recording_holds_what_was_simulated() {
         ("/diagnostics", "gridfall.Diagnostics"),
         ("/log", "foxglove.Log"),
         ("/particles", "foxglove.PointCloud"),
-        ("/tf", "foxglove.FrameTransform"),
+        ("/tf", "foxglove.FrameTransforms"),
     ];
     assert_eq!(schemas.into_iter().collect::<Vec<_>>(), expected);
     assert!(messages(recording, "/particles").iter().all(|message| message["content"]["frame_id"] == "world"));
@@ -251,11 +251,13 @@ fn colliders_are_drawn_and_move() {
     assert_eq!(clouds("paddle")[0]["frame_id"], "colliders/paddle");
 
     let transforms = messages(recording, "/tf");
-    assert_eq!(transforms.len(), 13);
-    let anchor = &transforms[0]["content"];
+    assert_eq!(transforms.len(), 6);
+    let transforms = transforms[5]["content"]["transforms"].as_array().unwrap();
+    assert_eq!(transforms.len(), 3);
+    let anchor = &transforms[0];
     assert_eq!((anchor["parent_frame_id"].as_str(), anchor["child_frame_id"].as_str()), (Some("tf#/"), Some("world")));
     assert_eq!((anchor["translation"]["x"].as_f64(), anchor["rotation"]["w"].as_f64()), (Some(0.0), Some(1.0)));
-    let last = &transforms[11]["content"];
+    let last = &transforms[1];
     assert_eq!(
         (last["parent_frame_id"].as_str(), last["child_frame_id"].as_str()),
         (Some("world"), Some("colliders/paddle"))

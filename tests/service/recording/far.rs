@@ -44,6 +44,10 @@ fn twenty_layers_stay_twenty_layers() {
         }
     }
     assert_eq!(cloud["pose"]["orientation"]["w"], 1.0);
+    // Viewers that draw in f32 look from the corner.
+    let world = &messages(recording, "/tf")[0]["content"]["transforms"][0];
+    assert_eq!(world["child_frame_id"], "world");
+    assert_eq!(["x", "y", "z"].map(|axis| world["translation"][axis].as_f64().unwrap()), FAR.map(|x| -x));
 }
 
 #[test]
