@@ -25,7 +25,8 @@ def frames(path):
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         for _, _, message, cloud in reader.iter_decoded_messages(topics=["/particles"]):
             data = np.frombuffer(cloud.data, dtype=np.uint8).reshape(-1, cloud.point_stride)
-            yield message.log_time * 1e-9, data[:, :12].copy().view(np.float32)
+            corner = cloud.pose.position
+            yield message.log_time * 1e-9, data[:, :12].copy().view(np.float32) + [corner.x, corner.y, corner.z]
 
 
 def largest_share(x, dx):

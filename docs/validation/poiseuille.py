@@ -28,7 +28,7 @@ def last_frame(path):
     offsets = {field.name: field.offset for field in points.fields}
     data = numpy.frombuffer(points.data, numpy.uint8).reshape(-1, points.point_stride)
     column = lambda name: data[:, offsets[name] : offsets[name] + 4].copy().view("<f4")[:, 0]
-    return message.log_time * 1e-9, column("y"), column("vx")
+    return message.log_time * 1e-9, column("y") + points.pose.position.y, column("vx")
 
 
 def exact(y, time):

@@ -10,8 +10,19 @@ use crate::colliders::domain_box;
 
 pub type V3 = Vector3<f32>;
 
-/// A box by its corners.
+/// A box by its corners, in [`local`] coordinates.
 pub type Bounds = [V3; 2];
+
+/// A point as pictures have it: relative to the domain's lower corner, because f32 is too coarse for
+/// coordinates far from the origin.
+pub fn local(setup: &Setup, x: [f64; 3]) -> V3 {
+    V3::from(std::array::from_fn(|a| (x[a] - setup.origin[a]) as f32))
+}
+
+/// The inverse of [`local`].
+pub fn global(setup: &Setup, x: V3) -> [f64; 3] {
+    std::array::from_fn(|a| f64::from(x[a]) + setup.origin[a])
+}
 
 /// The fixed colour scale and camera focus of a run.
 #[derive(Clone, Debug)]
@@ -44,17 +55,18 @@ pub fn corners(bounds: &Bounds) -> [V3; 8] {
     std::array::from_fn(|k| V3::new(bounds[k & 1].x, bounds[k >> 1 & 1].y, bounds[k >> 2].z))
 }
 
-/// The height of the floor that things fall on. `None` unless gravity points along −z and there is
-/// a wall.
+/// The height of the floor that things fall on, above the domain's lower corner. `None` unless
+/// gravity points along −z and there is a wall.
 pub fn floor(setup: &Setup) -> Option<f32> {
     let walled = setup.dimension == 3 && matches!(setup.axes[2], Axis::Walls(_));
-    (walled && setup.gravity[2] < 0.0).then_some(setup.origin[2] as f32)
+    (walled && setup.gravity[2] < 0.0).then_some(0.0)
 }
 
 /// What will be visible: where the bodies are and where they would fly freely, inside the domain,
 /// together with all of the floor that a fluid may flood, and the colliders.
 pub fn focus(setup: &Setup, particles: &Particles) -> Bounds {
-    let domain = domain_box(setup).map(to_f32);
+    let local = |x| local(setup, x);
+    let domain = domain_box(setup).map(local);
     if setup.dimension == 2 {
         return domain;
     }
@@ -70,18 +82,18 @@ pub fn focus(setup: &Setup, particles: &Particles) -> Bounds {
         for step in 0..=8 {
             let t = end_s * f64::from(step) / 8.0;
             let flight: [f64; 3] = std::array::from_fn(|a| t * (mean[a] + 0.5 * t * setup.gravity[a]));
-            x[body.particles.clone()].iter().for_each(|x| add(to_f32(*x) + to_f32(flight)));
+            x[body.particles.clone()].iter().for_each(|x| add(local(*x) + to_f32(flight)));
         }
     }
     for source in &setup.sources {
-        let ends = corners(&source.sdf.bounds().map(to_f32));
+        let ends = corners(&source.sdf.bounds().map(local));
         for t in (0..=8).map(|step| end_s * f64::from(step) / 8.0) {
             let flight: [f64; 3] = std::array::from_fn(|a| t * (source.velocity[a] + 0.5 * t * setup.gravity[a]));
             ends.iter().for_each(|corner| add(*corner + to_f32(flight)));
         }
     }
     for collider in &setup.colliders {
-        let bounds = collider.sdf.bounds().map(to_f32);
+        let bounds = collider.sdf.bounds().map(local);
         if bounds.iter().all(|corner| corner.iter().all(|c| c.abs() < 1e10)) {
             corners(&bounds).into_iter().for_each(&mut add);
         }

@@ -1,14 +1,21 @@
 //! `/colliders` and `/tf`: obstacles and the domain as `foxglove.SceneUpdate`, motions as
-//! `foxglove.FrameTransform`.
+//! `foxglove.FrameTransforms`.
 //!
 //! Shapes are sent in the frame of their collider, at frame 0 and whenever a collider appears or
 //! disappears. Each message has all of them, so that a viewer that seeks finds them in the latest
-//! message. The frames of moving colliders are sent with every frame.
+//! message. The frames of moving colliders are sent with every frame, in one message for the same
+//! reason.
+//!
+//! Not every viewer draws a `SceneUpdate`, but all draw points. So `/colliders/NAME` has points of the
+//! collider's surface as a `foxglove.PointCloud`, empty while there is no such collider.
 
+use std::iter;
+
+use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{
-    Color, CubePrimitive, CylinderPrimitive, Duration, FrameTransform, LinePrimitive, Point3, Pose, Quaternion,
-    SceneEntity, SceneEntityDeletion, SceneUpdate, SpherePrimitive, Timestamp, TriangleListPrimitive, Vector3,
-    line_primitive, scene_entity_deletion,
+    Color, CubePrimitive, CylinderPrimitive, Duration, FrameTransform, FrameTransforms, LinePrimitive,
+    PackedElementField, Point3, PointCloud, Pose, Quaternion, SceneEntity, SceneEntityDeletion, SceneUpdate,
+    SpherePrimitive, Timestamp, TriangleListPrimitive, Vector3, line_primitive, scene_entity_deletion,
 };
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
@@ -19,8 +26,14 @@ use gridfall_core::sim::setup::Setup;
 /// Coordinate frame of everything that does not move.
 pub const WORLD: &str = "world";
 
-/// Cells along the longest side of a meshed collider.
+/// The frame that Rerun's views are in, which it connects with no other.
+const RERUN: &str = "tf#/";
+
+/// Cells along the longest side of a meshed collider, and of one that is drawn as points.
 const RESOLUTION: usize = 64;
+const COARSE: usize = 24;
+/// sRGB.
+const GREY: [u8; 3] = [140, 148, 158];
 
 /// Which colliders exist at a time.
 pub fn present(setup: &Setup, time_s: f64) -> Vec<bool> {
@@ -41,16 +54,28 @@ pub fn scene(setup: &Setup, present: &[bool], timestamp: Timestamp) -> SceneUpda
             });
             continue;
         }
-        let frame = if collider.motion.moves() { frame_name(collider) } else { WORLD.into() };
-        let mut shape = entity(&collider.name, frame, timestamp);
+        let mut shape = entity(&collider.name, frame_of(collider), timestamp);
         draw(setup, collider, &mut shape);
         entities.push(shape);
     }
     SceneUpdate { entities, deletions }
 }
 
-/// The transforms of the moving colliders' frames.
-pub fn transforms(setup: &Setup, time_s: f64, timestamp: Timestamp) -> Vec<FrameTransform> {
+/// Puts the domain's corner where viewers look first. Rerun's views show nothing without it, and
+/// nothing sharp far from their origin.
+fn anchor(setup: &Setup, timestamp: Timestamp) -> FrameTransform {
+    let Pose { position, orientation } = at(relative([0.0; 3], setup.origin));
+    FrameTransform {
+        timestamp: Some(timestamp),
+        parent_frame_id: RERUN.into(),
+        child_frame_id: WORLD.into(),
+        translation: position,
+        rotation: orientation,
+    }
+}
+
+/// The transforms of the world's and of the moving colliders' frames.
+pub fn transforms(setup: &Setup, time_s: f64, timestamp: Timestamp) -> FrameTransforms {
     let moving = setup.colliders.iter().filter(|collider| collider.motion.moves());
     let transform = |collider: &Collider| {
         let pose = collider.motion.pose(time_s);
@@ -62,7 +87,7 @@ pub fn transforms(setup: &Setup, time_s: f64, timestamp: Timestamp) -> Vec<Frame
             rotation: Some(quaternion(&pose.rotation)),
         }
     };
-    moving.map(transform).collect()
+    FrameTransforms { transforms: iter::once(anchor(setup, timestamp)).chain(moving.map(transform)).collect() }
 }
 
 /// True for hollow shapes and grips, so that what they hold is visible.
@@ -83,6 +108,59 @@ pub fn domain_box(setup: &Setup) -> [[f64; 3]; 2] {
 
 fn frame_name(collider: &Collider) -> String {
     format!("colliders/{}", collider.name)
+}
+
+/// The frame that a collider's shape is in.
+fn frame_of(collider: &Collider) -> String {
+    if collider.motion.moves() { frame_name(collider) } else { WORLD.into() }
+}
+
+/// The topic of a collider's points.
+pub fn points_topic(collider: &Collider) -> String {
+    format!("/colliders/{}", collider.name)
+}
+
+/// Points of a collider's surface in its pose at time 0; none while it does not exist.
+pub fn points(setup: &Setup, collider: &Collider, present: bool, timestamp: Timestamp) -> PointCloud {
+    let [corner, _] = domain_box(setup);
+    let mesh = if present { mesh(setup, collider, COARSE) } else { surface::Mesh::default() };
+    let mut data = Vec::with_capacity(16 * mesh.vertices.len());
+    for vertex in mesh.vertices {
+        relative(vertex, corner).iter().for_each(|x| data.extend((*x as f32).to_le_bytes()));
+        data.extend(GREY.iter().chain(&[255]));
+    }
+    let scalars = ["x", "y", "z"].into_iter().zip((0..).step_by(4)).map(|field| (field, NumericType::Float32));
+    let colors = ["red", "green", "blue", "alpha"].into_iter().zip(12..).map(|field| (field, NumericType::Uint8));
+    let field = |((name, offset), kind): ((&str, u32), NumericType)| PackedElementField {
+        name: name.into(),
+        offset,
+        r#type: kind.into(),
+    };
+    PointCloud {
+        timestamp: Some(timestamp),
+        frame_id: frame_of(collider),
+        pose: Some(at(corner)),
+        point_stride: 16,
+        fields: scalars.chain(colors).map(field).collect(),
+        data: data.into(),
+    }
+}
+
+/// The surface of a collider within the domain, in its pose at time 0.
+fn mesh(setup: &Setup, collider: &Collider, resolution: usize) -> surface::Mesh {
+    let sdf: &Sdf = &collider.sdf;
+    let [domain_lower, domain_upper] = domain_box(setup);
+    let [lower, upper] = sdf.bounds();
+    let lower: [f64; 3] = std::array::from_fn(|a| lower[a].max(domain_lower[a]));
+    let upper: [f64; 3] = std::array::from_fn(|a| upper[a].min(domain_upper[a]));
+    if (0..3).any(|a| lower[a] >= upper[a]) {
+        return surface::Mesh::default();
+    }
+    let flat = if setup.dimension == 3 { 1.0 } else { 0.0 };
+    // A sheet is drawn as a plate that no cell is too large for.
+    let longest = (0..3).map(|a| upper[a] - lower[a]).fold(0.0, f64::max);
+    let half = if sdf.is_sheet() { 0.9 * longest / resolution as f64 } else { 0.0 };
+    surface::mesh(|x| sdf.distance([x[0], x[1], flat * x[2]]) - half, lower, upper, resolution)
 }
 
 fn entity(id: &str, frame_id: String, timestamp: Timestamp) -> SceneEntity {
@@ -139,24 +217,14 @@ fn draw(setup: &Setup, collider: &Collider, entity: &mut SceneEntity) {
             Primitive::Capsule(..) | Primitive::Torus(..) | Primitive::HalfSpace | Primitive::Grid(..) => {}
         }
     }
-    let [domain_lower, domain_upper] = domain_box(setup);
-    let [lower, upper] = sdf.bounds();
-    let lower: [f64; 3] = std::array::from_fn(|a| lower[a].max(domain_lower[a]));
-    let upper: [f64; 3] = std::array::from_fn(|a| upper[a].min(domain_upper[a]));
-    if (0..3).any(|a| lower[a] >= upper[a]) {
+    let [corner, _] = domain_box(setup);
+    let mesh = mesh(setup, collider, RESOLUTION);
+    if mesh.triangles.is_empty() {
         return;
     }
-    let flat = if setup.dimension == 3 { 1.0 } else { 0.0 };
-    // A sheet is drawn as a plate that no cell is too large for.
-    let longest = (0..3).map(|a| upper[a] - lower[a]).fold(0.0, f64::max);
-    let half = if sdf.is_sheet() { 0.9 * longest / RESOLUTION as f64 } else { 0.0 };
-    let mesh = surface::mesh(|x| sdf.distance([x[0], x[1], flat * x[2]]) - half, lower, upper, RESOLUTION);
     entity.triangles.push(TriangleListPrimitive {
-        pose: Some(Pose {
-            position: Some(vector([0.0; 3])),
-            orientation: Some(quaternion(&gridfall_core::sim::particles::IDENTITY)),
-        }),
-        points: mesh.vertices.into_iter().map(point).collect(),
+        pose: Some(at(corner)),
+        points: mesh.vertices.into_iter().map(|x| point(relative(x, corner))).collect(),
         color,
         indices: mesh.triangles.into_iter().flatten().collect(),
         ..Default::default()
@@ -165,20 +233,30 @@ fn draw(setup: &Setup, collider: &Collider, entity: &mut SceneEntity) {
 
 fn domain_outline(setup: &Setup) -> LinePrimitive {
     let corners = domain_box(setup);
-    let corner = |k: usize| point([corners[k & 1][0], corners[k >> 1 & 1][1], corners[k >> 2][2]]);
+    let corner = |k: usize| {
+        let x = [corners[k & 1][0], corners[k >> 1 & 1][1], corners[k >> 2][2]];
+        point(relative(x, corners[0]))
+    };
     let edges = (0..8).flat_map(|k| [1, 2, 4].into_iter().filter(move |bit| k & bit == 0).map(move |bit| (k, k | bit)));
     LinePrimitive {
         r#type: line_primitive::Type::LineList.into(),
-        pose: Some(Pose {
-            position: Some(vector([0.0; 3])),
-            orientation: Some(quaternion(&gridfall_core::sim::particles::IDENTITY)),
-        }),
+        pose: Some(at(corners[0])),
         thickness: 1.0,
         scale_invariant: true,
         points: edges.flat_map(|(from, to)| [corner(from), corner(to)]).collect(),
         color: Some(Color { r: 0.5, g: 0.55, b: 0.6, a: 0.8 }),
         ..Default::default()
     }
+}
+
+/// An unturned pose. Viewers draw points in f32, so those of an entity are relative to such a pose near
+/// them.
+fn at(position: [f64; 3]) -> Pose {
+    Pose { position: Some(vector(position)), orientation: Some(quaternion(&gridfall_core::sim::particles::IDENTITY)) }
+}
+
+fn relative(x: [f64; 3], to: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|a| x[a] - to[a])
 }
 
 fn vector([x, y, z]: [f64; 3]) -> Vector3 {

@@ -2,11 +2,13 @@
 //! pictures of frames.
 //!
 //! A recording is written as `NAME.mcap.partial`, append-only, one frame after the other. Each
-//! frame ends with its `/diagnostics` message and a closed chunk. What is on disk up to the last
-//! closed frame can be made a valid, indexed file by appending an index ([`snapshot`],
-//! [`recover`]). A finished recording is renamed to `NAME.mcap`.
+//! frame ends with its `/diagnostics` message and a closed chunk; its cloud, its picture and shapes
+//! have chunks of their own. What is on disk up to the last closed frame can be made a valid,
+//! indexed file by appending an index ([`snapshot`], [`recover`]), and read message by message
+//! ([`Growing`]). A finished recording is renamed to `NAME.mcap`.
 
 mod appearance;
+mod channels;
 pub mod checkpoint;
 mod cloud;
 mod colliders;
@@ -15,6 +17,8 @@ pub mod embedded;
 mod excerpt;
 mod files;
 mod frames;
+mod growing;
+mod index;
 mod palette;
 mod picture;
 mod points;
@@ -29,6 +33,7 @@ pub use appearance::Appearance;
 pub use cloud::{Cloud, FramePoints};
 pub use files::{RecordingError, partial_path, write_file};
 pub use frames::{FrameIndex, frame_points};
+pub use growing::{Channel, Growing, Message};
 pub use picture::thumbnail;
 pub use recovery::{Snapshot, recover, snapshot};
 pub use writer::{Header, Severity, Writer};

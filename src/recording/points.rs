@@ -1,4 +1,7 @@
 //! `/particles`: a frame's particles as a `foxglove.PointCloud`.
+//!
+//! Coordinates are f32 and relative to the domain's lower corner, which the cloud's pose has in f64:
+//! at UTM coordinates absolute ones would be rounded to half a metre.
 
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{PackedElementField, PointCloud, Pose, Quaternion, Timestamp, Vector3};
@@ -18,6 +21,8 @@ pub struct Points {
     palette: Palette,
     layout: Vec<PackedElementField>,
     stride: usize,
+    /// The domain's lower corner (m).
+    corner: [f64; 3],
 }
 
 impl Points {
@@ -35,12 +40,14 @@ impl Points {
         }
         // Viewers recognise these four names as the points' colours without being told.
         ["red", "green", "blue", "alpha"].iter().for_each(|name| add(name, NumericType::Uint8, 1));
-        Self { selected, palette: Palette::new(setup, appearance), stride: stride as usize, layout }
+        let palette = Palette::new(setup, appearance);
+        Self { selected, palette, stride: stride as usize, layout, corner: setup.origin }
     }
 
     /// The frame's point cloud.
     pub fn message(&self, setup: &Setup, particles: &Excerpt, timestamp: Timestamp) -> PointCloud {
         let present = particles.present(&self.selected);
+        let [x, y, z] = self.corner;
         let mut data = vec![0u8; self.stride * present];
         data.par_chunks_mut(self.stride).zip(&self.selected).for_each(|(bytes, &p)| {
             self.write_point(setup, particles, p as usize, bytes);
@@ -49,7 +56,7 @@ impl Points {
             timestamp: Some(timestamp),
             frame_id: super::colliders::WORLD.into(),
             pose: Some(Pose {
-                position: Some(Vector3::default()),
+                position: Some(Vector3 { x, y, z }),
                 orientation: Some(Quaternion { w: 1.0, ..Default::default() }),
             }),
             point_stride: self.stride as u32,
@@ -60,14 +67,15 @@ impl Points {
 
     fn write_point(&self, setup: &Setup, particles: &Excerpt, p: usize, bytes: &mut [u8]) {
         let (scalars, rgba) = bytes.split_at_mut(self.stride - 4);
-        let v = particles.v[p];
+        let (x, v) = (particles.x[p], particles.v[p]);
+        let position: [f64; 3] = std::array::from_fn(|a| x[a] - self.corner[a]);
         let fields = setup.fields.iter().flat_map(|field| match field {
             OutputField::Velocity => v.to_vec(),
             OutputField::J => vec![determinant(&particles.f[p])],
             OutputField::VonMises => vec![von_mises(&cauchy(setup, particles, p))],
             OutputField::Pressure => vec![pressure(&cauchy(setup, particles, p))],
         });
-        for (slot, value) in scalars.chunks_exact_mut(4).zip(particles.x[p].into_iter().chain(fields)) {
+        for (slot, value) in scalars.chunks_exact_mut(4).zip(position.into_iter().chain(fields)) {
             slot.copy_from_slice(&(value as f32).to_le_bytes());
         }
         let speed = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();

@@ -8,13 +8,14 @@ use std::path::{Path, PathBuf};
 
 use foxglove::Encode;
 use foxglove::messages::log::Level;
-use foxglove::messages::{self, CompressedImage, Log, Timestamp};
+use foxglove::messages::{CompressedImage, Log, Timestamp};
 use mcap::records::{MessageHeader, Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::write::NoSeek;
 use mcap::{Attachment, McapError, WriteOptions};
 use sha2::{Digest, Sha256};
 
+use super::channels::{Channels, Kind};
 use super::colliders::WORLD;
 use super::files::{RecordingError, partial_path, publish, sync};
 use super::picture::Camera;
@@ -28,7 +29,7 @@ use gridfall_core::sim::diagnostics::{Row, SolverRow};
 use gridfall_core::sim::setup::Setup;
 use gridfall_engine::Backend;
 
-/// Chunks are closed at the end of each frame and, inside large frames, at this size (bytes).
+/// Where no message ends a chunk (see [`Writer::put`]), this size does (bytes).
 const CHUNK_BYTES: u64 = 1 << 20;
 /// zstd's output is the same for every number of threads except zero, so this may differ between
 /// machines.
@@ -51,23 +52,14 @@ pub enum Severity {
     Error,
 }
 
-/// Channel ids.
-struct Channels {
-    particles: u16,
-    colliders: u16,
-    tf: u16,
-    log: u16,
-    camera: u16,
-    solver: u16,
-    diagnostics: u16,
-}
-
 /// A recording being written.
 pub struct Writer {
     mcap: mcap::Writer<NoSeek<BufWriter<File>>>,
     target: PathBuf,
     partial: PathBuf,
     channels: Channels,
+    /// What the chunk that is open has, if one is.
+    open: Option<Kind>,
     /// Indices of the particles that are recorded, ascending.
     wanted: Vec<u32>,
     points: Points,
@@ -115,7 +107,7 @@ impl Writer {
             for (name, metadata) in provenance_records(header, recorded.len()) {
                 mcap.write_metadata(&mcap::write::Metadata { name: name.into(), metadata })?;
             }
-            let channels = add_channels(&mut mcap)?;
+            let channels = Channels::add(&mut mcap, setup)?;
             Ok((mcap, channels))
         };
         match start() {
@@ -124,6 +116,8 @@ impl Writer {
                 target: target.to_owned(),
                 partial,
                 channels,
+                // The topics and their schemas.
+                open: Some(Kind::Other),
                 wanted,
                 points,
                 camera,
@@ -187,12 +181,8 @@ impl Writer {
                     else {
                         continue;
                     };
-                    self.mcap.write_to_known_channel(&header, &data).map_err(|source| self.error(source))?;
-                    self.sequences.insert(header.channel_id, header.sequence + 1);
-                    if header.channel_id == self.channels.diagnostics {
-                        self.mcap.flush().map_err(|source| self.error(source))?;
-                        frames += 1;
-                    }
+                    self.put(&header, &data)?;
+                    frames += u64::from(header.channel_id == self.channels.diagnostics);
                 }
                 LinearReadEvent::Record { .. } => {}
             }
@@ -234,21 +224,13 @@ impl Writer {
         row: &Row,
         steps: &[SolverRow],
     ) -> Result<(), RecordingError> {
+        let (nanos, timestamp) = stamp(row.time_s);
         for step in steps {
-            self.now = stamp(step.time_s).0;
+            // The times of steps are sums, which may round past the frame's.
+            self.now = stamp(step.time_s).0.clamp(self.now, nanos);
             self.bytes(self.channels.solver, &diagnostics::encode_solver(step))?;
         }
-        let (nanos, timestamp) = stamp(row.time_s);
         self.now = nanos;
-        let present = Some(colliders::present(setup, row.time_s));
-        if present != self.present {
-            let shown = present.as_deref().unwrap_or_default();
-            self.message(self.channels.colliders, &colliders::scene(setup, shown, timestamp))?;
-            self.present = present;
-        }
-        for transform in colliders::transforms(setup, row.time_s, timestamp) {
-            self.message(self.channels.tf, &transform)?;
-        }
         let points = self.points.message(setup, particles, timestamp);
         self.message(self.channels.particles, &points)?;
         let picture = self.camera.render(setup, particles, row.time_s);
@@ -259,11 +241,23 @@ impl Writer {
             format: "png".into(),
         };
         self.message(self.channels.camera, &image)?;
+        let present = Some(colliders::present(setup, row.time_s));
+        if present != self.present {
+            let shown = present.as_deref().unwrap_or_default();
+            self.message(self.channels.colliders, &colliders::scene(setup, shown, timestamp))?;
+            for (n, (collider, &shown)) in setup.colliders.iter().zip(shown).enumerate() {
+                if self.present.as_ref().is_none_or(|before| before[n] != shown) {
+                    let points = colliders::points(setup, collider, shown, timestamp);
+                    self.message(self.channels.shapes[n], &points)?;
+                }
+            }
+            self.present = present;
+        }
+        self.message(self.channels.tf, &colliders::transforms(setup, row.time_s, timestamp))?;
         self.write_log()?;
         // The last message of a frame. Recovery takes a frame as complete when it finds this
         // message.
-        self.bytes(self.channels.diagnostics, &diagnostics::encode(row))?;
-        self.mcap.flush().map_err(|source| self.error(source))
+        self.bytes(self.channels.diagnostics, &diagnostics::encode(row))
     }
 
     /// Adds a line to `/log`. It goes with the next frame, or with the end of the recording.
@@ -304,36 +298,34 @@ impl Writer {
     }
 
     fn bytes(&mut self, channel_id: u16, data: &[u8]) -> Result<(), RecordingError> {
-        let next = self.sequences.entry(channel_id).or_default();
-        let header = MessageHeader { channel_id, sequence: *next, log_time: self.now, publish_time: self.now };
-        *next += 1;
-        self.mcap.write_to_known_channel(&header, data).map_err(|source| self.error(source))
+        let sequence = self.sequences.get(&channel_id).copied().unwrap_or(0);
+        let header = MessageHeader { channel_id, sequence, log_time: self.now, publish_time: self.now };
+        self.put(&header, data)
+    }
+
+    /// Writes a message. Chunks have messages of one [`Kind`] and of one frame, whose end is on the disk
+    /// when this returns. They are a function of their messages and of nothing else, so that a run that
+    /// goes on leaves the bytes of one that was never interrupted.
+    fn put(&mut self, header: &MessageHeader, data: &[u8]) -> Result<(), RecordingError> {
+        let kind = self.channels.kind(header.channel_id);
+        let last = header.channel_id == self.channels.diagnostics;
+        let other = self.open.is_some_and(|open| open != kind);
+        let mut write = || -> Result<(), McapError> {
+            if other {
+                self.mcap.flush()?;
+            }
+            self.mcap.write_to_known_channel(header, data)?;
+            if last { self.mcap.flush() } else { Ok(()) }
+        };
+        write().map_err(|source| self.error(source))?;
+        self.open = Some(kind).filter(|_| !last);
+        self.sequences.insert(header.channel_id, header.sequence + 1);
+        Ok(())
     }
 
     fn error(&self, source: McapError) -> RecordingError {
         RecordingError::Mcap { path: self.partial.clone(), source }
     }
-}
-
-fn add_channels(mcap: &mut mcap::Writer<NoSeek<BufWriter<File>>>) -> Result<Channels, McapError> {
-    let mut add = |topic: &str, name: &str, schema: &[u8]| {
-        let schema = mcap.add_schema(name, "protobuf", schema)?;
-        mcap.add_channel(schema, topic, "protobuf", &BTreeMap::new())
-    };
-    fn schema<M: Encode>() -> foxglove::Schema {
-        M::get_schema().expect("Foxglove's messages have schemas")
-    }
-    let mut add_foxglove = |topic: &str, schema: foxglove::Schema| add(topic, &schema.name, &schema.data);
-    Ok(Channels {
-        particles: add_foxglove("/particles", schema::<messages::PointCloud>())?,
-        colliders: add_foxglove("/colliders", schema::<messages::SceneUpdate>())?,
-        tf: add_foxglove("/tf", schema::<messages::FrameTransform>())?,
-        log: add_foxglove("/log", schema::<Log>())?,
-        camera: add_foxglove("/camera", schema::<CompressedImage>())?,
-        solver: add("/solver", diagnostics::SOLVER_SCHEMA_NAME, &diagnostics::schema())?,
-        // The largest id, so that its index is the last one after a chunk; see `recovery`.
-        diagnostics: add("/diagnostics", diagnostics::SCHEMA_NAME, &diagnostics::schema())?,
-    })
 }
 
 /// The metadata records `build`, `run` and `hardware`.

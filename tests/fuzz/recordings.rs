@@ -76,6 +76,13 @@ fn recording() {
         std::fs::write(&partial, input).unwrap();
         let seen = recording::snapshot(&partial);
         assert!(std::fs::read(&partial).unwrap() == input, "a snapshot changed the file");
+        let mut growing = recording::Growing::open(&partial).unwrap();
+        growing.look().unwrap();
+        assert_eq!(growing.safe(), seen.as_ref().map_or(0, |snapshot| snapshot.prefix));
+        for chunk in 0..growing.chunks() {
+            // Damaged ones are errors.
+            let _ = growing.messages(chunk);
+        }
         let recovered = recording::recover(&partial, &target);
         if let Ok(frames) = recovered {
             // Its new index is no part of what is recovered.

@@ -35,8 +35,9 @@ def points(cloud):
 def content(topic, message, raw, brief):
     if brief:
         return hashlib.sha256(raw).hexdigest()
-    if topic == "/particles":
-        return {"frame_id": message.frame_id, "points": points(message)}
+    if topic == "/particles" or topic.startswith("/colliders/"):
+        pose = MessageToDict(message.pose, always_print_fields_with_no_presence=True)
+        return {"frame_id": message.frame_id, "pose": pose, "points": points(message)}
     if topic == "/camera":
         return {"frame_id": message.frame_id, "format": message.format, "data": message.data.hex()}
     return MessageToDict(message, preserving_proto_field_name=True, always_print_fields_with_no_presence=True)
@@ -49,6 +50,8 @@ def nanoseconds(stamp):
 def stamp(topic, message):
     if topic == "/colliders":
         return nanoseconds(message.entities[0].timestamp)
+    if topic == "/tf":
+        return nanoseconds(message.transforms[0].timestamp)
     if topic in ("/diagnostics", "/solver"):
         return round(message.time_s * 1e9)
     return nanoseconds(message.timestamp)
@@ -56,7 +59,12 @@ def stamp(topic, message):
 
 def read(path, brief):
     with open(path, "rb") as stream:
-        records = [type(record).__name__ for record in StreamReader(stream, validate_crcs=True).records]
+        records, times = [], [0]
+        for record in StreamReader(stream, validate_crcs=True).records:
+            records.append(type(record).__name__)
+            if records[-1] == "Message":
+                times.append(record.log_time)
+    assert times == sorted(times), "log time decreases"
     with open(path, "rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
         header, summary = reader.get_header(), reader.get_summary()
@@ -91,7 +99,10 @@ def read(path, brief):
         "attachments": {attachment.name: attachment.data.decode() for attachment in attachments},
         "metadata": {record.name: record.metadata for record in metadata},
         "topics": sorted(channel.topic for channel in summary.channels.values()),
-        "chunks": [[chunk.compression, chunk.uncompressed_size] for chunk in summary.chunk_indexes],
+        "chunks": [
+            [chunk.compression, chunk.uncompressed_size, sorted(summary.channels[id].topic for id in chunk.message_index_offsets)]
+            for chunk in summary.chunk_indexes
+        ],
         "messages": messages,
     }
 

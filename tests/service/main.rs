@@ -1,5 +1,5 @@
 //! The service as its users see it: real server processes over HTTP, jobs that meet every fate,
-//! a store that keeps them on two databases, and recordings read with the official reader.
+//! a store that keeps them on two databases, and recordings read with the official reader and in viewers.
 
 mod http;
 mod jobs;
@@ -7,3 +7,4 @@ mod jobs;
 mod postgres;
 mod recording;
 mod store;
+mod viewers;

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::splat::{Ball, splat};
 use super::view::View;
 use super::{Canvas, lines};
+use crate::appearance::global;
 use gridfall_core::sim::setup::Setup;
 
 const PAPER: [f32; 3] = [0.93, 0.94, 0.955];
@@ -21,7 +22,8 @@ pub fn draw(setup: &Setup, view: &View, balls: &[Ball], time_s: f64) -> Canvas {
             return balls[seen.ball[at] as usize].color;
         }
         let [start, _] = view.ray((at % width) as f32, (at / width) as f32);
-        let x = [f64::from(start.x), f64::from(start.y), 0.0];
+        let [x, y, _] = global(setup, start);
+        let x = [x, y, 0.0];
         let inside = (0..2).all(|a| start[a] >= view.focus[0][a] && start[a] <= view.focus[1][a]);
         let blocked = inside && solid.iter().any(|collider| collider.distance(x) < 0.0);
         if blocked { OBSTACLE } else { PAPER }

@@ -17,7 +17,7 @@ use gridfall_core::sim::setup::Setup;
 use splat::Ball;
 use view::View;
 
-use crate::appearance::{Appearance, V3};
+use crate::appearance::{Appearance, local};
 
 /// Size and effort of a picture.
 struct Quality {
@@ -96,7 +96,7 @@ impl Camera {
             let (v, body) = (particles.v[p], particles.body[p]);
             let gloss = self.palette.gloss(body);
             let color = self.palette.color(body, (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt());
-            Ball { center: V3::from(particles.x[p].map(|c| c as f32)), radius: radii[body as usize], color, gloss }
+            Ball { center: local(setup, particles.x[p]), radius: radii[body as usize], color, gloss }
         };
         let present = particles.present(&self.selected);
         self.selected[..present].par_iter().map(ball).collect()

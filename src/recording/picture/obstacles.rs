@@ -1,12 +1,13 @@
 //! Colliders in pictures: rays traced through their distance fields.
 
-use crate::appearance::V3;
+use crate::appearance::{V3, global, local};
 use crate::colliders::{domain_box, translucent};
 use gridfall_core::sim::collider::{Pose, Sdf, rotate};
 use gridfall_core::sim::setup::Setup;
 
 /// A collider at the time of the picture.
 pub struct Obstacle<'a> {
+    setup: &'a Setup,
     sdf: &'a Sdf,
     pose: Pose,
     /// The part that is drawn, in the collider's pose at time 0.
@@ -24,10 +25,10 @@ pub struct Hit {
 
 /// All colliders that exist at a time. Those that do not move are cut off at the domain's walls.
 pub fn obstacles(setup: &Setup, time_s: f64) -> Vec<Obstacle<'_>> {
-    let to_v3 = |x: [f64; 3]| V3::from(x.map(|c| c as f32));
-    let domain = domain_box(setup).map(to_v3);
+    let local = |x| local(setup, x);
+    let domain = domain_box(setup).map(local);
     let obstacle = |collider: &'_ gridfall_core::sim::collider::Collider| {
-        let bounds = collider.sdf.bounds().map(to_v3);
+        let bounds = collider.sdf.bounds().map(local);
         let bounded = bounds.iter().all(|corner| corner.iter().all(|c| c.abs() < 1e10));
         let clip = if collider.motion.moves() && bounded {
             bounds
@@ -42,7 +43,7 @@ pub fn obstacles(setup: &Setup, time_s: f64) -> Vec<Obstacle<'_>> {
         .filter(|collider| collider.is_present(time_s))
         .map(|collider| {
             let (clip, pose, translucent) = obstacle(collider);
-            Obstacle { sdf: &collider.sdf, pose, clip, translucent }
+            Obstacle { setup, sdf: &collider.sdf, pose, clip, translucent }
         })
         .collect()
 }
@@ -62,9 +63,9 @@ pub fn nearest<'a>(
 impl Obstacle<'_> {
     /// Sphere tracing (Hart 1996) along start + depth × direction, inside the clip box.
     fn hit(&self, start: V3, direction: V3, limit: f32) -> Option<Hit> {
-        let to_start = |x: V3| self.pose.to_start([x.x, x.y, x.z].map(f64::from));
-        let origin = V3::from(to_start(start).map(|c| c as f32));
-        let ahead = V3::from(to_start(start + direction).map(|c| c as f32)) - origin;
+        let to_start = |x: V3| local(self.setup, self.pose.to_start(global(self.setup, x)));
+        let origin = to_start(start);
+        let ahead = to_start(start + direction) - origin;
         let (mut near, mut far, mut face) = (0.0f32, limit, V3::zeros());
         for a in 0..3 {
             let (low, high) = ((self.clip[0][a] - origin[a]) / ahead[a], (self.clip[1][a] - origin[a]) / ahead[a]);
@@ -80,7 +81,7 @@ impl Obstacle<'_> {
         }
         let length = ahead.norm();
         let size = (self.clip[1] - self.clip[0]).norm();
-        let distance = |x: V3| self.sdf.distance([x.x, x.y, x.z].map(f64::from)) as f32;
+        let distance = |x: V3| self.sdf.distance(global(self.setup, x)) as f32;
         let (mut depth, mut first) = (near, true);
         for _ in 0..96 {
             if depth >= far {

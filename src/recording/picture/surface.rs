@@ -7,8 +7,7 @@ use super::obstacles::{Hit, Obstacle, nearest, obstacles};
 use super::splat::{Ball, Depths, splat};
 use super::view::View;
 use super::{Canvas, lines};
-use crate::appearance::V3;
-use crate::appearance::floor;
+use crate::appearance::{V3, floor, local};
 use crate::colliders::domain_box;
 use crate::palette::Rgb;
 use gridfall_core::sim::setup::Setup;
@@ -65,7 +64,7 @@ pub fn draw(setup: &Setup, view: &View, balls: &[Ball], time_s: f64) -> Canvas {
         .enumerate()
         .for_each(|(band, pixels)| scene.shade_band(band * rows, pixels, &obstacles));
     let mut canvas = Canvas { size: view.size, pixels };
-    let domain = domain_box(setup).map(|corner| V3::from(corner.map(|c| c as f32)));
+    let domain = domain_box(setup).map(|corner| local(setup, corner));
     lines::draw_box(&mut canvas, view, &domain, &scene.depth);
     canvas
 }

@@ -2,6 +2,7 @@
 //! send the head of a request or to take in an answer.
 
 use std::io;
+use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -10,10 +11,9 @@ use axum::body::Body;
 use axum::http::Request;
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::server::graceful::GracefulShutdown;
 use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio_io_timeout::TimeoutStream;
 use tower::ServiceExt;
 
@@ -36,9 +36,9 @@ pub async fn serve(listener: TcpListener, app: Router, config: &Config, stop: im
         spare: Arc::new(Semaphore::new(SPARE_CONNECTIONS)),
         header_timeout: config.header_timeout,
         write_timeout: config.write_timeout,
-        graceful: GracefulShutdown::new(),
+        closing: watch::Sender::new(()),
     };
-    let mut stop = std::pin::pin!(stop);
+    let mut stop = pin!(stop);
     loop {
         let accepted = tokio::select! {
             accepted = listener.accept() => accepted,
@@ -54,7 +54,17 @@ pub async fn serve(listener: TcpListener, app: Router, config: &Config, stop: im
         }
     }
     drop(listener);
-    connections.graceful.shutdown().await;
+    connections.closing.send_replace(());
+    connections.closing.closed().await;
+}
+
+/// A place among the connections. Whoever keeps one beyond the answer, as a WebSocket does, goes on being
+/// counted.
+#[derive(Clone)]
+pub struct Occupied {
+    _place: Arc<OwnedSemaphorePermit>,
+    /// Changes when the server stops.
+    pub closing: watch::Receiver<()>,
 }
 
 struct Connections {
@@ -63,13 +73,15 @@ struct Connections {
     spare: Arc<Semaphore>,
     header_timeout: Duration,
     write_timeout: Duration,
-    graceful: GracefulShutdown,
+    /// Tells the connections to end. They keep receivers until they have.
+    closing: watch::Sender<()>,
 }
 
 impl Connections {
     /// Serves a connection, or closes it if there are too many.
     fn take(&self, stream: TcpStream) {
         let Some((permit, crowded)) = self.permit() else { return };
+        let occupied = Occupied { _place: Arc::new(permit), closing: self.closing.subscribe() };
         // Heads and bodies of short answers are written separately; without this the second waits
         // for the client's acknowledgement of the first.
         if let Err(error) = stream.set_nodelay(true) {
@@ -77,8 +89,10 @@ impl Connections {
         }
         let mut stream = TimeoutStream::new(stream);
         stream.set_write_timeout(Some(self.write_timeout));
+        let place = occupied.clone();
         let app = self.app.clone().map_request(move |request: Request<hyper::body::Incoming>| {
             let mut request = request.map(Body::new);
+            request.extensions_mut().insert(place.clone());
             if crowded {
                 request.extensions_mut().insert(Crowded);
             }
@@ -88,12 +102,20 @@ impl Connections {
         // The timer of the head also runs between requests.
         http.timer(TokioTimer::new()).header_read_timeout(self.header_timeout).max_buf_size(MAX_HEAD_BYTES);
         let connection = http.serve_connection(TokioIo::new(Box::pin(stream)), TowerToHyperService::new(app));
-        let connection = self.graceful.watch(connection);
         tokio::spawn(async move {
-            if let Err(error) = connection.await {
+            let mut connection = pin!(connection.with_upgrades());
+            let mut closing = occupied.closing.clone();
+            let ended = tokio::select! {
+                ended = connection.as_mut() => ended,
+                _ = closing.changed() => {
+                    connection.as_mut().graceful_shutdown();
+                    connection.await
+                }
+            };
+            if let Err(error) = ended {
                 tracing::debug!(%error, "a connection broke");
             }
-            drop(permit);
+            drop(occupied);
         });
     }
 

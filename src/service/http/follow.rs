@@ -13,11 +13,11 @@ use tokio::io::AsyncReadExt;
 use tokio::sync::watch;
 use uuid::Uuid;
 
+use super::live::apart;
 use super::problem::Problem;
 use super::state::Api;
 use super::watch::{Seen, View};
-use crate::store::AttemptFiles;
-use gridfall_recording::{self as recording, RecordingError};
+use gridfall_recording::{Growing, RecordingError};
 
 /// How much is sent at a time (bytes).
 const PIECE_BYTES: u64 = 64 << 10;
@@ -30,6 +30,7 @@ pub async fn follow(api: &Api, id: Uuid, name: &str) -> Result<Response, Problem
         id,
         seen: api.watch(id).await?,
         source: None,
+        growing: None,
         sent: 0,
         hash: Sha256::new(),
         safe: 0,
@@ -58,6 +59,8 @@ struct Follower {
     seen: watch::Receiver<Seen>,
     /// The file, and the attempt that writes it.
     source: Option<(File, i64)>,
+    /// What is known of the recording that an attempt writes.
+    growing: Option<(Growing, i64)>,
     sent: u64,
     /// Of what was sent.
     hash: Sha256,
@@ -103,7 +106,7 @@ impl Follower {
             self.complete = true;
             return Ok(());
         }
-        let Some(safe) = complete_frames(&files).await? else { return Ok(()) };
+        let safe = self.complete_frames(files.partial_recording(), view.job.attempt).await?;
         // Another attempt has yet to come as far as the one before.
         if safe > self.sent {
             match self.open(files.partial_recording(), view.job.attempt).await {
@@ -114,6 +117,23 @@ impl Follower {
             }
         }
         Ok(())
+    }
+
+    /// Length of an unfinished recording up to its last complete frame; 0 if there is none.
+    async fn complete_frames(&mut self, path: PathBuf, attempt: i64) -> io::Result<u64> {
+        let growing = match self.growing.take() {
+            Some((growing, known)) if known == attempt => growing,
+            _ => match tokio::task::spawn_blocking(move || Growing::open(&path)).await.map_err(io::Error::other)? {
+                Ok(growing) => growing,
+                Err(RecordingError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => return Ok(0),
+                Err(error) => return Err(io::Error::other(error)),
+            },
+        };
+        let (growing, looked) = apart(growing, Growing::look).await;
+        looked.map_err(io::Error::other)?;
+        let safe = growing.safe();
+        self.growing = Some((growing, attempt));
+        Ok(safe)
     }
 
     /// Opens the file of an attempt behind what was sent, which must be what it begins with.
@@ -137,16 +157,5 @@ impl Follower {
         }
         self.source = Some((file, attempt));
         Ok(())
-    }
-}
-
-/// Length of the unfinished recording up to its last complete frame; none if there is no frame.
-async fn complete_frames(files: &AttemptFiles) -> io::Result<Option<u64>> {
-    let path = files.partial_recording();
-    match tokio::task::spawn_blocking(move || recording::snapshot(&path)).await.map_err(io::Error::other)? {
-        Ok(snapshot) => Ok(Some(snapshot.prefix)),
-        Err(RecordingError::Damaged { .. }) => Ok(None),
-        Err(RecordingError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(io::Error::other(error)),
     }
 }

@@ -16,12 +16,13 @@ use super::state::{Api, Config};
 /// Refuses what changes state and comes from a page of another origin, or to an unknown host.
 pub async fn guard(State(api): State<Api>, request: Request, next: Next) -> Result<Response, Problem> {
     if !matches!(*request.method(), Method::GET | Method::HEAD | Method::OPTIONS) {
-        judge(&api.config, request.uri(), request.headers())?;
+        judge(&api.config, request.uri(), request.headers(), "change anything")?;
     }
     Ok(next.run(request).await)
 }
 
-fn judge(config: &Config, uri: &Uri, headers: &HeaderMap) -> Result<(), Problem> {
+/// Refuses what comes from a page of another origin, or to an unknown host; `what` it may not do.
+pub(super) fn judge(config: &Config, uri: &Uri, headers: &HeaderMap, what: &str) -> Result<(), Problem> {
     // Browsers always name the host.
     let host = match (uri.authority(), headers.get(header::HOST)) {
         (Some(authority), _) => Some(authority.clone()),
@@ -43,7 +44,7 @@ fn judge(config: &Config, uri: &Uri, headers: &HeaderMap) -> Result<(), Problem>
     }
     let origin = String::from_utf8_lossy(origin.as_bytes());
     let detail = format!(
-        "pages of the origin {origin} may not change anything here; if they should, start the server with \
+        "pages of the origin {origin} may not {what} here; if they should, start the server with \
          --cors-origin {origin}"
     );
     Err(Problem::new(Code::ForeignOrigin, detail))
@@ -110,7 +111,7 @@ mod tests {
             let given = [(header::HOST, host), (header::ORIGIN, origin)];
             let headers: HeaderMap =
                 given.into_iter().filter_map(|(name, value)| Some((name, value.as_ref()?.parse().unwrap()))).collect();
-            let status = match judge(&config, &Uri::from_static("/v1/jobs"), &headers) {
+            let status = match judge(&config, &Uri::from_static("/v1/jobs"), &headers, "change anything") {
                 Ok(()) => 200,
                 Err(problem) => problem.into_response().status().as_u16(),
             };

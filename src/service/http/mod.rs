@@ -22,6 +22,7 @@ mod index;
 mod jobs;
 mod layers;
 mod library;
+mod live;
 mod load;
 mod metrics;
 mod openapi;
@@ -34,6 +35,7 @@ mod server;
 mod state;
 mod submission;
 mod tables;
+mod viewer;
 mod watch;
 
 pub use docs::markdown as error_codes;

@@ -13,7 +13,7 @@ use super::openapi::{self, Description};
 use super::state::Api;
 use super::{
     assets, cors, dashboard, devices, docs, encoding, events, frames, groups, guard, health, index, jobs, layers,
-    library, load, metrics, outputs, scenes,
+    library, live, load, metrics, outputs, scenes,
 };
 
 /// All routes of the API, and their OpenAPI document.
@@ -52,6 +52,8 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         // /v1/jobs/{id}/frames, /v1/jobs/{id}/frames/{frame}/points
         .routes(routes!(frames::list))
         .routes(routes!(frames::points))
+        // /v1/jobs/{id}/live
+        .routes(routes!(live::live))
         // /v1/scenes:validate
         .routes(routes!(scenes::validate))
         // /v1/scenes, /v1/scenes/{id}

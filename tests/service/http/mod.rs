@@ -12,5 +12,5 @@ mod lifecycle;
 mod manners;
 mod openapi;
 mod outputs;
-mod support;
+pub mod support;
 mod watching;

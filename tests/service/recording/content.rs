@@ -28,7 +28,9 @@ fn a_recording_holds_what_was_simulated() {
         let (state, points) = (&engine.state, &cloud["content"]["points"]);
         for a in 0..3 {
             let (position, velocity) = (numbers(&points[["x", "y", "z"][a]]), numbers(&points[["vx", "vy", "vz"][a]]));
-            assert!(state.x.iter().map(|x| f64::from(x[a] as f32)).eq(position));
+            let corner = problem.setup.origin[a];
+            assert_eq!(cloud["content"]["pose"]["position"][["x", "y", "z"][a]], corner);
+            assert!(state.x.iter().map(|x| f64::from((x[a] - corner) as f32)).eq(position));
             assert!(state.v.iter().map(|v| f64::from(v[a] as f32)).eq(velocity));
         }
         let stretch = 1.001f64.powi(frame as i32);
@@ -65,10 +67,15 @@ fn a_recording_holds_what_was_simulated() {
     let expected = [
         ("/camera", "foxglove.CompressedImage"),
         ("/colliders", "foxglove.SceneUpdate"),
+        ("/colliders/ball", "foxglove.PointCloud"),
+        ("/colliders/bowl", "foxglove.PointCloud"),
+        ("/colliders/paddle", "foxglove.PointCloud"),
+        ("/colliders/post", "foxglove.PointCloud"),
+        ("/colliders/ring", "foxglove.PointCloud"),
         ("/diagnostics", "gridfall.Diagnostics"),
         ("/log", "foxglove.Log"),
         ("/particles", "foxglove.PointCloud"),
-        ("/tf", "foxglove.FrameTransform"),
+        ("/tf", "foxglove.FrameTransforms"),
     ];
     assert_eq!(schemas.into_iter().collect::<Vec<_>>(), expected);
     assert!(messages(recording, "/particles").iter().all(|message| message["content"]["frame_id"] == "world"));
@@ -228,9 +235,29 @@ fn colliders_are_drawn_and_move() {
     let frames: Vec<_> = entities.iter().map(|entity| entity["frame_id"].as_str().unwrap()).collect();
     assert_eq!(frames, ["world", "colliders/paddle", "world", "world", "world", "colliders/bowl"]);
 
+    // The same as points, sent when they come and go.
+    let clouds = |name: &str| -> Vec<&Value> {
+        messages(recording, &format!("/colliders/{name}")).iter().map(|message| &message["content"]).collect()
+    };
+    let sizes = clouds("post").iter().map(|cloud| numbers(&cloud["points"]["x"]).len()).collect::<Vec<_>>();
+    assert!(sizes[0] == 0 && sizes[1] > 100 && sizes[2] == 0 && sizes.len() == 3, "{sizes:?}");
+    let [ball] = clouds("ball")[..] else { panic!("it never goes") };
+    assert_eq!(ball["frame_id"], "world");
+    let [x, y, z] = ["x", "y", "z"].map(|axis| numbers(&ball["points"][axis]));
+    for ((x, y), z) in x.iter().zip(&y).zip(&z) {
+        let r = (x - 1.5).hypot(y - 0.5).hypot(z - 0.8);
+        assert!((r - 0.1).abs() < 0.005, "{r}");
+    }
+    assert_eq!(clouds("paddle")[0]["frame_id"], "colliders/paddle");
+
     let transforms = messages(recording, "/tf");
-    assert_eq!(transforms.len(), 12);
-    let last = &transforms[10]["content"];
+    assert_eq!(transforms.len(), 6);
+    let transforms = transforms[5]["content"]["transforms"].as_array().unwrap();
+    assert_eq!(transforms.len(), 3);
+    let anchor = &transforms[0];
+    assert_eq!((anchor["parent_frame_id"].as_str(), anchor["child_frame_id"].as_str()), (Some("tf#/"), Some("world")));
+    assert_eq!((anchor["translation"]["x"].as_f64(), anchor["rotation"]["w"].as_f64()), (Some(0.0), Some(1.0)));
+    let last = &transforms[1];
     assert_eq!(
         (last["parent_frame_id"].as_str(), last["child_frame_id"].as_str()),
         (Some("world"), Some("colliders/paddle"))

@@ -1,8 +1,10 @@
 //! Recordings are valid, complete and true to the particles, and survive crashes. They are read
 //! back with the official Python library.
 
+mod chunks;
 mod content;
 mod driver;
+mod far;
 mod fixture;
 mod frames;
 mod recovery;

@@ -43,6 +43,11 @@ pub fn of(code: Code) -> &'static str {
             "Only jobs that have ended can be deleted, and only their recordings are complete. Cancel the job, wait \
              for its end, or ask for the recording so far."
         }
+        Code::JobEnded => "Only jobs that wait or run can be watched live. Open the recording instead.",
+        Code::WebsocketExpected => {
+            "Viewers open this address over Foxglove's WebSocket protocol (`ws://`); `detail` says what is missing. \
+             Other programs take the recording, or follow it with `?follow=true`."
+        }
         Code::BodyTooLarge => {
             "`detail` has the limit. Upload meshes and points as assets instead of writing them into the scene; \
              decimate what is still too large."
