@@ -2,13 +2,13 @@
 
 use std::collections::BTreeSet;
 use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use mcap::records::Record;
 
 use crate::files::RecordingError;
-use crate::index::{Contents, unfold};
+use crate::index::{Contents, unfold_at};
 
 /// A topic, and how its messages are encoded.
 #[derive(Clone, Debug)]
@@ -102,15 +102,8 @@ impl Growing {
     /// # Errors
     /// When the file cannot be read, or is not what it was.
     pub fn messages(&mut self, chunk: usize) -> Result<Vec<Message>, RecordingError> {
-        let index = &self.contents.chunks[chunk].index;
-        let mut bytes = Vec::new();
-        let mut read = || {
-            self.file.seek(SeekFrom::Start(index.chunk_start_offset))?;
-            (&self.file).take(index.chunk_length).read_to_end(&mut bytes)
-        };
-        read().map_err(RecordingError::io("read", &self.path))?;
         let mut messages = Vec::new();
-        let whole = unfold(bytes.as_slice(), |record| {
+        let whole = unfold_at(&mut self.file, &self.contents.chunks[chunk], |record| {
             if let Record::Message { header, data } = record {
                 messages.push(Message {
                     channel: header.channel_id,
@@ -118,7 +111,8 @@ impl Growing {
                     data: data.into_owned(),
                 });
             }
-        });
+        })
+        .map_err(RecordingError::io("read", &self.path))?;
         let damaged = || RecordingError::Damaged { path: self.path.clone(), reason: "a chunk is damaged".into() };
         whole.map(|()| messages).ok_or_else(damaged)
     }

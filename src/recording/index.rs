@@ -160,12 +160,25 @@ impl Contents {
     }
 
     pub fn diagnostics_channel(&self) -> Option<u16> {
-        self.channels.values().find(|channel| channel.topic == "/diagnostics").map(|channel| channel.id)
+        self.channel("/diagnostics")
+    }
+
+    /// The channel of a topic, once it is known.
+    pub fn channel(&self, topic: &str) -> Option<u16> {
+        self.channels.values().find(|channel| channel.topic == topic).map(|channel| channel.id)
     }
 }
 
+/// Reads the records in a chunk of a file. `None` if it is damaged.
+pub fn unfold_at(file: &mut (impl Read + Seek), chunk: &Chunk, take: impl FnMut(Record)) -> io::Result<Option<()>> {
+    let mut bytes = Vec::new();
+    file.seek(SeekFrom::Start(chunk.index.chunk_start_offset))?;
+    file.take(chunk.index.chunk_length).read_to_end(&mut bytes)?;
+    Ok(unfold(bytes.as_slice(), take))
+}
+
 /// Reads the records in a chunk. `None` if it is damaged: its checksum is looked at before anything in it is believed.
-pub fn unfold(mut chunk: impl Read, mut take: impl FnMut(Record)) -> Option<()> {
+fn unfold(mut chunk: impl Read, mut take: impl FnMut(Record)) -> Option<()> {
     let options = LinearReaderOptions::default()
         .with_skip_start_magic(true)
         .with_skip_end_magic(true)

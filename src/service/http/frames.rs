@@ -90,7 +90,7 @@ pub struct PointsQuery {
     /// The field whose values come with the points; the recorded colours come without it.
     pub field: Option<String>,
     /// Most points to send; all by default.
-    #[param(minimum = 1)]
+    #[param(minimum = 1, maximum = 2_147_483_647)]
     pub max_points: Option<u32>,
 }
 
@@ -146,8 +146,9 @@ pub async fn points(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let PointsQuery { field, max_points } = query;
-    if max_points == Some(0) {
-        return Err(Problem::new(Code::InvalidQuery, "max_points is 0; ask for at least 1, or leave it out for all"));
+    if let Some(most) = max_points.filter(|most| !(1..=i32::MAX as u32).contains(most)) {
+        let detail = format!("max_points is {most}; ask for 1 to {}, or leave it out for all", i32::MAX);
+        return Err(Problem::new(Code::InvalidQuery, detail));
     }
     let most = max_points.unwrap_or(u32::MAX);
     let (source, status) = Source::of(&api, id).await?;

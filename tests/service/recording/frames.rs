@@ -78,7 +78,7 @@ fn frames_of_a_growing_recording_are_those_of_the_finished_one() {
 #[test]
 fn damage_is_an_error_and_what_is_not_there_too() {
     let directory = tempfile::tempdir().unwrap();
-    let (problem, out) = (problem(0.2), outputs(directory.path()));
+    let (problem, out) = (problem(0.04), outputs(directory.path()));
     run(&scene(), &problem, &mut Ballistic::new(&problem, None), &out, &super::fixture::Watch::new(u64::MAX)).unwrap();
     let mut index = FrameIndex::default();
     index.look(&out.recording).unwrap();
@@ -86,7 +86,7 @@ fn damage_is_an_error_and_what_is_not_there_too() {
     // Every stretch of the file in turn; a frame is read as it was, or is said to be damaged.
     let whole = index.points(&out.recording, 2).unwrap().unwrap().take(None, usize::MAX);
     let mut damaged = 0;
-    for at in (0..sound.len()).step_by(1.max(sound.len() / 150)) {
+    for at in (0..sound.len()).step_by(1.max(sound.len() / 300)) {
         let mut bytes = sound.clone();
         bytes[at] ^= 0x5a;
         std::fs::write(&out.recording, &bytes).unwrap();
