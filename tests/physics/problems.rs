@@ -61,6 +61,7 @@ pub fn empty(dimension: usize, cells: Vec3, dx: f64) -> Problem {
         frame_s: 1.0 / 48.0,
         fields: Vec::new(),
         preview_points: 1000,
+        keep_state: false,
         seed: 1,
     };
     Problem { setup, particles: Particles::default() }

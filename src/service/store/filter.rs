@@ -91,8 +91,9 @@ pub(super) enum Along {
 
 impl Filter {
     /// The condition of everything but the status, on a row of `jobs`.
-    pub(super) fn condition(&self, values: &mut Values) -> String {
-        self.condition_by("name", values)
+    pub(super) fn condition(&self, way: Way, values: &mut Values) -> String {
+        let (after, before) = (values.int(way.after), values.int(way.before));
+        format!("jobs.seq > {after} AND jobs.seq < {before} AND {}", self.condition_by("name", values))
     }
 
     fn condition_by(&self, name_column: &str, values: &mut Values) -> String {

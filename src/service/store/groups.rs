@@ -134,10 +134,11 @@ impl JobStore {
 
     /// Cancels the jobs of a filter, as [`JobStore::cancel`] does one. Returns their number.
     pub async fn cancel_all(&self, filter: &Filter) -> Result<u64> {
+        let (filter, way) = self.way(filter, i64::MAX).await?;
         let mut values = Values::default();
         let now = values.int(self.clock.now());
         let status = filter.status_in(&[Status::Queued, Status::Running]);
-        let condition = filter.condition(&mut values);
+        let condition = filter.condition(way, &mut values);
         let sql = format!(
             "UPDATE jobs SET cancel_requested = 1, \
                finished_at = CASE status WHEN 'queued' THEN {now} END, \
@@ -151,9 +152,10 @@ impl JobStore {
     /// Deletes the jobs of a filter that have ended, at most `limit`, oldest first. Returns them; the caller
     /// removes their files.
     pub async fn delete_all(&self, filter: &Filter, limit: i64) -> Result<Vec<Uuid>> {
+        let (filter, way) = self.way(filter, i64::MAX).await?;
         let mut values = Values::default();
         let status = filter.status_in(&[Status::Succeeded, Status::Failed, Status::Canceled]);
-        let condition = filter.condition(&mut values);
+        let condition = filter.condition(way, &mut values);
         let limit = values.int(limit);
         let condition = format!("{status} AND {condition} ORDER BY jobs.seq LIMIT {limit}");
         self.delete_where(&condition, values).await
