@@ -111,6 +111,14 @@ impl Database {
         }
     }
 
+    /// Follows `FROM jobs` where the queue's index is to be walked. SQLite would look into the row of each job.
+    pub fn along_queue(&self) -> &'static str {
+        match self.dialect {
+            Dialect::Sqlite => "INDEXED BY jobs_in_queue",
+            Dialect::Postgres => "",
+        }
+    }
+
     /// Ends a `SELECT` of rows that the same statement is going to change: servers that do the same at
     /// the same time take other rows instead of waiting for this one.
     pub fn skip_locked(&self) -> &'static str {

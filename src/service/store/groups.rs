@@ -87,19 +87,30 @@ impl JobStore {
         Ok(found.map(|(number,)| number))
     }
 
-    /// Adds their places in the queue to jobs that wait, by one walk along it.
+    /// Adds their places in the queue to jobs that wait: for each priority the place of the first, and from there on
+    /// a walk along the queue to the last.
     async fn place(&self, jobs: &mut [Job]) -> Result<()> {
-        let waiting = || jobs.iter().filter(|job| job.status == Status::Queued).map(|job| job.seq);
-        let (Some(first), Some(last)) = (waiting().min(), waiting().max()) else { return Ok(()) };
-        let places: Vec<(i64, i64)> = sqlx::query_as(
-            "SELECT seq, place FROM (SELECT seq, row_number() OVER (ORDER BY priority DESC, seq) AS place \
-             FROM jobs WHERE status = 'queued') AS queue WHERE seq BETWEEN $1 AND $2",
-        )
-        .bind(first)
-        .bind(last)
-        .fetch_all(&self.database.reader)
-        .await?;
-        let places: BTreeMap<i64, i64> = places.into_iter().collect();
+        let mut ranges: BTreeMap<i64, (i64, i64)> = BTreeMap::new();
+        for job in jobs.iter().filter(|job| job.status == Status::Queued) {
+            let (first, last) = ranges.entry(job.priority).or_insert((job.seq, job.seq));
+            (*first, *last) = (job.seq.min(*first), job.seq.max(*last));
+        }
+        let along_queue = self.database.along_queue();
+        let mut places: BTreeMap<i64, i64> = BTreeMap::new();
+        for (priority, (first, last)) in ranges {
+            let found: Vec<(i64, i64)> = sqlx::query_as(AssertSqlSafe(format!(
+                "SELECT seq, row_number() OVER (ORDER BY seq) + \
+                   (SELECT count(*) FROM jobs {along_queue} WHERE status = 'queued' AND priority > $1) + \
+                   (SELECT count(*) FROM jobs {along_queue} WHERE status = 'queued' AND priority = $1 AND seq < $2) \
+                 FROM jobs {along_queue} WHERE status = 'queued' AND priority = $1 AND seq BETWEEN $2 AND $3"
+            )))
+            .bind(priority)
+            .bind(first)
+            .bind(last)
+            .fetch_all(&self.database.reader)
+            .await?;
+            places.extend(found);
+        }
         for job in jobs.iter_mut().filter(|job| job.status == Status::Queued) {
             // One that has just been claimed was next.
             job.queue_position = Some(places.get(&job.seq).copied().unwrap_or(1));

@@ -15,7 +15,7 @@ impl JobStore {
             .fetch_optional(&self.database.reader)
             .await?;
         match row {
-            Some(row) => Ok(Some(with_place(&self.database.reader, row.0).await?)),
+            Some(row) => Ok(Some(with_place(&self.database.reader, self.database.along_queue(), row.0).await?)),
             None => Ok(None),
         }
     }

@@ -8,6 +8,7 @@ use sqlx::{AssertSqlSafe, Executor, Transaction};
 use tokio::sync::oneshot;
 use uuid::Uuid;
 
+use super::database::Database;
 use super::row::{COLUMNS, JobRow, select_jobs};
 use super::{Job, JobStore, NewJob, Result, StoreError, Submission};
 
@@ -104,14 +105,14 @@ impl JobStore {
                 if request_sha256 != new.request_sha256 {
                     return Ok(Submission::KeyReused);
                 }
-                return Ok(Submission::Repeated(fetch(tx, &id).await?));
+                return Ok(Submission::Repeated(fetch(&self.database, tx, &id).await?));
             }
         }
         if queue.waiting >= max_queued {
             return Ok(Submission::QueueFull);
         }
         let job = insert(tx, new, None, self.clock.now()).await?;
-        let place = queue.place(tx, &job).await?;
+        let place = queue.place(&self.database, tx, &job).await?;
         Ok(Submission::Accepted(Job { queue_position: Some(place), ..job }))
     }
 
@@ -146,7 +147,7 @@ struct Queue {
 
 impl Queue {
     /// The place of a job that was added just now.
-    async fn place(&mut self, tx: &mut Transaction<'static, Any>, job: &Job) -> sqlx::Result<i64> {
+    async fn place(&mut self, database: &Database, tx: &mut Transaction<'static, Any>, job: &Job) -> sqlx::Result<i64> {
         self.waiting += 1;
         for (_, place) in self.places.range_mut(..=job.priority) {
             *place += 1;
@@ -154,7 +155,7 @@ impl Queue {
         if let Some(place) = self.places.get(&job.priority) {
             return Ok(*place);
         }
-        let place = place(&mut **tx, job).await?;
+        let place = place(&mut **tx, database.along_queue(), job).await?;
         self.places.insert(job.priority, place);
         Ok(place)
     }
@@ -165,23 +166,29 @@ async fn queued(tx: &mut Transaction<'static, Any>) -> sqlx::Result<i64> {
 }
 
 /// A job with its place in the queue.
-async fn fetch(tx: &mut Transaction<'static, Any>, id: &str) -> sqlx::Result<Job> {
+async fn fetch(database: &Database, tx: &mut Transaction<'static, Any>, id: &str) -> sqlx::Result<Job> {
     let row: JobRow = sqlx::query_as(select_jobs("WHERE id = $1")).bind(id).fetch_one(&mut **tx).await?;
-    with_place(&mut **tx, row.0).await
+    with_place(&mut **tx, database.along_queue(), row.0).await
 }
 
 /// Adds the place in the queue to a job that waits.
-pub(super) async fn with_place<'c>(executor: impl Executor<'c, Database = Any>, mut job: Job) -> sqlx::Result<Job> {
+pub(super) async fn with_place<'c>(
+    executor: impl Executor<'c, Database = Any>,
+    along_queue: &str,
+    mut job: Job,
+) -> sqlx::Result<Job> {
     if job.status == super::Status::Queued {
-        job.queue_position = Some(place(executor, &job).await?);
+        job.queue_position = Some(place(executor, along_queue, &job).await?);
     }
     Ok(job)
 }
 
-async fn place<'c>(executor: impl Executor<'c, Database = Any>, job: &Job) -> sqlx::Result<i64> {
-    let place: i64 = sqlx::query_scalar(
-        "SELECT count(*) FROM jobs WHERE status = 'queued' AND (priority > $1 OR (priority = $1 AND seq <= $2))",
-    )
+async fn place<'c>(executor: impl Executor<'c, Database = Any>, along_queue: &str, job: &Job) -> sqlx::Result<i64> {
+    // Two counts along the index of the queue, which has no need of the jobs' rows.
+    let place: i64 = sqlx::query_scalar(AssertSqlSafe(format!(
+        "SELECT (SELECT count(*) FROM jobs {along_queue} WHERE status = 'queued' AND priority > $1) + \
+         (SELECT count(*) FROM jobs {along_queue} WHERE status = 'queued' AND priority = $1 AND seq <= $2)"
+    )))
     .bind(job.priority)
     .bind(job.seq)
     .fetch_one(executor)
