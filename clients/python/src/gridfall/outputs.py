@@ -16,6 +16,7 @@ from .exchange import Call, Give, Manners, More, Talk, ask, open_stream
 from .models import FrameList, Job
 from .recording import GrowingRecording, Recording
 from .requests import ENDS, PathLike, decoded, job_of, path
+from .result import Picture
 from .scene import Scene
 from .tables import table
 
@@ -77,9 +78,9 @@ def job_scene(manners: Manners, job: Job | str) -> Talk[Scene]:
     return Scene.from_dict(decoded((yield from ask(manners, Call("GET", f"{path(job)}/scene")))))
 
 
-def thumbnail(manners: Manners, job: Job | str) -> Talk[bytes]:
-    """A picture of the last frame of a job that has ended (PNG)."""
-    return (yield from ask(manners, Call("GET", f"{path(job)}/thumbnail.png"))).body
+def thumbnail(manners: Manners, job: Job | str) -> Talk[Picture]:
+    """A picture of the last frame of a job that has ended: the bytes of a PNG, which notebooks show."""
+    return Picture((yield from ask(manners, Call("GET", f"{path(job)}/thumbnail.png"))).body)
 
 
 def state(manners: Manners, job: Job | str) -> Talk[dict[str, NDArray[Any]]]:

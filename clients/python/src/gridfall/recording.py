@@ -178,9 +178,12 @@ class Recording:
 
     def _frame(self, index: int) -> Frame:
         time = self._times[index]
-        found = self._reader.iter_decoded_messages(topics=[PARTICLES], start_time=time, end_time=time + 1)
-        for _, _, _, cloud in found:
-            return frame_of(cloud, index, time)
+        found = self._reader.iter_decoded_messages(topics=[PARTICLES], starting_at=time, ending_at=time)
+        try:
+            for _, _, _, cloud in found:
+                return frame_of(cloud, index, time)
+        except Exception as error:  # whatever decompression and decoding make of damaged bytes
+            raise RecordingError(f"frame {index} of {self.path} is damaged: {error or type(error).__name__}") from error
         raise RecordingError(f"{self.path} has no frame at {time} ns, where its index has one")
 
 

@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .models import Job
 from .recording import Frames, Recording
+
+
+class Picture(bytes):
+    """A PNG; notebooks show it."""
+
+    def _repr_png_(self) -> bytes:
+        return bytes(self)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Writes the file. Returns where it is."""
+        Path(path).write_bytes(self)
+        return Path(path)
 
 
 @dataclass(frozen=True, eq=False)
