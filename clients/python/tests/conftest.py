@@ -48,11 +48,26 @@ def cube() -> gridfall.Scene:
 
 
 @pytest.fixture(scope="session")
+def square() -> gridfall.Scene:
+    """A square that falls freely for 0.05 s; a job of a moment. It leaves its last state."""
+    return s.Scene(
+        name="square",
+        dimension=2,
+        domain=s.Domain(min=[0, 0], max=[1, 1], dx=0.0625),
+        gravity=[0, -10],
+        materials={"jelly": s.FixedCorotated(density=1000, youngs_modulus=1e4, poissons_ratio=0.3)},
+        bodies=[s.Body(name="square", material="jelly", shape=s.Box(min=[0.375, 0.375], max=[0.625, 0.625]))],
+        time=s.Time(end=0.05, frame_rate=100),
+        output=s.Output(state=True),
+    )
+
+
+@pytest.fixture(scope="session")
 def ran(client: gridfall.Client, cube: gridfall.Scene) -> gridfall.Result:
     return client.run(cube, progress=False)
 
 
 @pytest.fixture(scope="session")
-def endless(cube: gridfall.Scene) -> dict[str, Any]:
+def endless(square: gridfall.Scene) -> dict[str, Any]:
     """A scene that runs too long to wait for."""
-    return {**cube.to_dict(), "name": "endless", "time": {"end": 999, "frame_rate": 100}}
+    return {**square.to_dict(), "name": "endless", "time": {"end": 999, "frame_rate": 100}}

@@ -14,9 +14,9 @@ import gridfall
 from .flaky import flaky
 
 
-def test_a_submission_whose_answer_is_lost_is_accepted_once(client: gridfall.Client, cube: gridfall.Scene) -> None:
+def test_a_submission_whose_answer_is_lost_is_accepted_once(client: gridfall.Client, square: gridfall.Scene) -> None:
     with flaky(client.url, [0, 20]) as way, gridfall.Client(way.url) as lost:
-        job = lost.submit(cube, name="once", overrides={"time.end": 0.01})
+        job = lost.submit(square, name="once", overrides={"time.end": 0.01})
     keys = [line for head in way.requests for line in head.split("\r\n") if line.startswith("idempotency-key")]
     assert len(keys) == 3 and len(set(keys)) == 1
     assert [each.id for each in client.jobs(name="once")] == [job.id]
@@ -76,7 +76,7 @@ def test_frames_are_followed_over_a_lost_connection(ran: gridfall.Result, url: s
         assert one.time == other.time and (one.positions == other.positions).all()
 
 
-def test_a_busy_server_is_asked_again_when_it_says(cube: gridfall.Scene) -> None:
+def test_a_busy_server_is_asked_again_when_it_says() -> None:
     answers = [(429, {"retry-after": "1"}), (503, {}), (200, {})]
     seen: list[float] = []
 

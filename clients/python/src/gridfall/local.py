@@ -9,9 +9,10 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
+import weakref
 from collections import deque
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from threading import Event, Thread
 from typing import IO
@@ -119,14 +120,26 @@ def serve(
             shutil.rmtree(temporary, ignore_errors=True)
 
 
-@contextmanager
+class LocalClient(Client):
+    """A client of a server of one's own, which ends with it."""
+
+    def __init__(self, server: AbstractContextManager[str]) -> None:
+        super().__init__(server.__enter__())
+        # Also at the end of the interpreter, for those who forget.
+        self._end = weakref.finalize(self, server.__exit__, None, None, None)
+
+    def close(self) -> None:
+        """Closes the connections and ends the server."""
+        super().close()
+        self._end()
+
+
 def local(
     *, data_dir: str | os.PathLike[str] | None = None, arguments: Sequence[str] = (), log: bool = False
-) -> Iterator[Client]:
-    """A client of a server of one's own. The arguments are those of `serve`.
+) -> LocalClient:
+    """A client of a server of one's own, which ends with `close` or with a `with`. The arguments are those of `serve`.
 
     >>> with gridfall.local() as g:
     ...     g.run(scene).recording.save("x.mcap")
     """
-    with serve(data_dir=data_dir, arguments=arguments, log=log) as url, Client(url) as client:
-        yield client
+    return LocalClient(serve(data_dir=data_dir, arguments=arguments, log=log))
