@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import gc
+import threading
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -58,7 +60,7 @@ def test_cancel_wait_and_delete(client: gridfall.Client, endless: dict[str, Any]
     assert [next(followed).index for _ in range(2)] == [0, 1]
     with client.recording(job) as so_far:
         assert len(so_far.frames) >= 2 and so_far.frames[1].time == pytest.approx(0.01)
-    assert client.frames(job).frames >= 2
+    assert client.frame_list(job).frames >= 2
     client.cancel(job)
     with pytest.raises(gridfall.JobFailed, match="canceled") as ended:
         client.wait(job)
@@ -67,6 +69,25 @@ def test_cancel_wait_and_delete(client: gridfall.Client, endless: dict[str, Any]
     with pytest.raises(gridfall.NotFound) as missing:
         client.job(job)
     assert missing.value.code == "job_not_found"
+
+
+def test_iterators_may_be_left_behind(client: gridfall.Client, endless: dict[str, Any]) -> None:
+    """The garbage collector closes them at any moment, here while a call holds the connections."""
+    job = client.submit(endless)
+    left: list[Any] = [client.follow(job)]
+    next(left[0])
+    left.append(left)
+    del left
+
+    def collect() -> None:
+        with client.http._transport._pool._optional_thread_lock:  # type: ignore[attr-defined]
+            gc.collect()
+
+    collector = threading.Thread(target=collect, daemon=True)
+    collector.start()
+    collector.join(30)
+    assert not collector.is_alive()
+    client.cancel(job)
 
 
 def test_failures_have_a_code_and_a_remedy(client: gridfall.Client, square: gridfall.Scene) -> None:
@@ -95,6 +116,7 @@ def test_kept_scenes_assets_and_reruns(client: gridfall.Client, square: gridfall
     assert job.progress.frames == 2
     again = client.wait(client.rerun(job, name="again", tags=[], overrides={"time.end": 0.02}))
     assert (again.name, again.progress.frames) == ("again", 3)
+    assert client.rerun(client.wait(client.submit(square, priority=3)), priority=0).priority == 0
     on = client.wait(client.submit(square, start_from=again))
     fallen = client.state(again)["x"][:, 1].mean() - client.state(on)["x"][:, 1].mean()
     assert fallen == pytest.approx(10 * 0.02 * 0.05 + 0.5 * 10 * 0.05**2, rel=1e-3)

@@ -34,9 +34,10 @@ def _resume(talk: Talk[T], value: Any, error: httpx.TransportError | None) -> St
 class _Carrier:
     """Carries out the steps of one conversation."""
 
-    def __init__(self, http: httpx.Client) -> None:
-        self.http = http
-        self.stream: httpx.Response | None = None
+    def __init__(self, client: Client) -> None:
+        self.http = client.http
+        self.separate = client.separate
+        self.stream: tuple[httpx.Client, httpx.Response] | None = None
         self.pieces: Iterator[bytes] = iter(())
 
     def perform(self, step: Step) -> tuple[Any, httpx.TransportError | None]:
@@ -66,15 +67,21 @@ class _Carrier:
 
     def _open(self, call: Call) -> Answer:
         self.close()
-        self.stream = self.http.send(_request(self.http, call), stream=True)
-        if self.stream.status_code >= 400:
-            return _head(self.stream, self.stream.read())
-        self.pieces = self.stream.iter_bytes()
-        return _head(self.stream)
+        # Connections of its own: the garbage collector closes an iterator that is left behind at any moment, also in the
+        # midst of another call, which holds the lock of its connections.
+        http = self.separate()
+        response = http.send(_request(http, call), stream=True)
+        self.stream = (http, response)
+        if response.status_code >= 400:
+            return _head(response, response.read())
+        self.pieces = response.iter_bytes()
+        return _head(response)
 
     def close(self) -> None:
         if self.stream is not None:
-            self.stream.close()
+            http, response = self.stream
+            response.close()
+            http.close()
 
 
 class _AsyncCarrier:
@@ -150,7 +157,7 @@ def _dressed(method: M, operation: Callable[..., Any]) -> M:
 
 def _blocking(operation: Operation[P, T]) -> Callable[Concatenate[Client, P], T]:
     def method(client: Client, /, *args: P.args, **options: P.kwargs) -> T:
-        talk, carrier = operation(client.manners, *args, **options), _Carrier(client.http)
+        talk, carrier = operation(client.manners, *args, **options), _Carrier(client)
         try:
             step = next(talk)
             while True:
@@ -164,7 +171,7 @@ def _blocking(operation: Operation[P, T]) -> Callable[Concatenate[Client, P], T]
 
 def _iterated(operation: Operation[P, None], kind: type[T]) -> Callable[Concatenate[Client, P], Iterator[T]]:
     def method(client: Client, /, *args: P.args, **options: P.kwargs) -> Iterator[T]:
-        talk, carrier = operation(client.manners, *args, **options), _Carrier(client.http)
+        talk, carrier = operation(client.manners, *args, **options), _Carrier(client)
         try:
             step = next(talk)
             while True:
@@ -236,7 +243,8 @@ class Client:
     ) -> None:
         self.url = url
         self.manners = Manners(retries)
-        self.http = httpx.Client(transport=transport, **_settings(url, headers))
+        self.separate = functools.partial(httpx.Client, transport=transport, **_settings(url, headers))
+        self.http = self.separate()
 
     def close(self) -> None:
         """Closes the connections."""
@@ -269,7 +277,7 @@ class Client:
     cancel_sweep = _blocking(sweeps.cancel_sweep)
     recording = _blocking(outputs.recording)
     follow = _iterated(outputs.follow, Frame)
-    frames = _blocking(outputs.frames)
+    frame_list = _blocking(outputs.frame_list)
     diagnostics = _blocking(outputs.diagnostics)
     solver = _blocking(outputs.solver)
     log = _blocking(outputs.log)
@@ -330,7 +338,7 @@ class AsyncClient:
     cancel_sweep = _awaited(sweeps.cancel_sweep)
     recording = _awaited(outputs.recording)
     follow = _iterated_async(outputs.follow, Frame)
-    frames = _awaited(outputs.frames)
+    frame_list = _awaited(outputs.frame_list)
     diagnostics = _awaited(outputs.diagnostics)
     solver = _awaited(outputs.solver)
     log = _awaited(outputs.log)

@@ -22,12 +22,15 @@ def download(manners: Manners, source: str, target: Path) -> Talk[Path]:
             known = version.read_text() if version.exists() else ""
             # Compressed bytes could not be counted.
             plain = {"accept-encoding": "identity"}
-            return {**plain, "range": f"bytes={so_far}-", "if-range": known} if so_far and known else plain
+            # The last byte again, because there may be none after it, and no range is refused.
+            return {**plain, "range": f"bytes={so_far - 1}-", "if-range": known} if so_far and known else plain
 
         def into(head: Answer) -> BinaryIO | None:
             if head.status == 200:
                 file.truncate(0)
                 version.write_text(head.headers.get("etag", ""))
+            elif head.status == 206:
+                file.truncate(part.stat().st_size - 1)
             return file if head.status in (200, 206) else None
 
         yield from ask_resuming(manners, Call("GET", source, into=into, timeout_s=120), headers)

@@ -40,7 +40,7 @@ class Call:
     """Takes the head of the answer and says where its body goes."""
     repeatable: bool = True
     """Whether sending it twice does what sending it once does."""
-    timeout_s: float = 30.0
+    timeout_s: float = 60.0
     """How long nothing may come."""
 
 

@@ -50,7 +50,10 @@ class _Server:
 
     def __init__(self, arguments: Sequence[str], *, log: bool) -> None:
         command = [str(program()), "serve", "--listen", "127.0.0.1:0", *arguments]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        # A database of the environment is another server's.
+        environment = {name: value for name, value in os.environ.items() if name != "GRIDFALL_DATABASE"}
+        pipe = subprocess.PIPE
+        self.process = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, env=environment)
         self.log: deque[str] = deque(maxlen=20)
         self.url: str | None = None
         self.told = Event()

@@ -53,7 +53,7 @@ def follow(manners: Manners, job: Job | str) -> Talk[None]:
             yield manners.pause(0)
 
 
-def frames(manners: Manners, job: Job | str) -> Talk[FrameList]:
+def frame_list(manners: Manners, job: Job | str) -> Talk[FrameList]:
     """How many frames a job has so far, and their fields."""
     return FrameList.from_dict(decoded((yield from ask(manners, Call("GET", f"{path(job)}/frames")))))
 

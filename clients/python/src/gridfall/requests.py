@@ -31,8 +31,9 @@ def scene_of(scene: SceneLike) -> dict[str, Any]:
 
 
 def given(**options: Any) -> dict[str, Any]:
-    """The options that are not empty, as plain data."""
-    return {key: plain(value) for key, value in options.items() if value not in (None, "", False, [], ())}
+    """The options that were given, as plain data: no None, no False, nothing empty. 0 is one."""
+    empty = (value is None or value is False or value in ("", [], ()) for value in options.values())
+    return {key: plain(options[key]) for key, nothing in zip(options, empty, strict=True) if not nothing}
 
 
 def commas(words: str | Sequence[str]) -> str:
