@@ -67,8 +67,8 @@ class _Carrier:
 
     def _open(self, call: Call) -> Answer:
         self.close()
-        # Connections of its own: the garbage collector closes an iterator that is left behind at any moment, also in the
-        # midst of another call, which holds the lock of its connections.
+        # Connections of its own: the garbage collector closes an iterator that is left behind at any moment, also
+        # in the midst of another call, which holds the lock of its connections.
         http = self.separate()
         response = http.send(_request(http, call), stream=True)
         self.stream = (http, response)
