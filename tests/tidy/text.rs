@@ -62,14 +62,14 @@ fn scripts() -> Vec<Source> {
 
 #[test]
 fn lines_of_code_fit_a_screen() {
-    none(&long_lines(&code(), MAX_CODE));
+    none(&long_lines(&[code(), sources("clients", "py")].concat(), MAX_CODE));
     let fault = Source::new("src/a.rs", &format!("//! A.\n// {}\n", "x".repeat(MAX_CODE)));
     caught(&long_lines(&[fault], MAX_CODE), &["src/a.rs:2", "123 columns"]);
 }
 
 #[test]
 fn lines_of_markdown_fit_a_page() {
-    let pages = ["README.md", "CONTRIBUTING.md"].map(|page| {
+    let pages = ["README.md", "CONTRIBUTING.md", "clients/python/README.md"].map(|page| {
         let path = format!("{}/{page}", env!("CARGO_MANIFEST_DIR"));
         Source::new(page, &std::fs::read_to_string(path).unwrap())
     });
@@ -89,12 +89,13 @@ fn files_fit_a_head() {
 fn every_file_says_what_it_is() {
     none(&without_opening(&[sources("src", "rs"), sources("tests", "rs")].concat(), "//!"));
     none(&without_opening(&[sources("wgsl", "wgsl"), scripts()].concat(), "//"));
+    none(&without_opening(&sources("clients/python/src", "py"), "\"\"\""));
     caught(&without_opening(&[Source::new("src/a.rs", "mod b;\n")], "//!"), &["src/a.rs"]);
 }
 
 #[test]
 fn nothing_is_unfinished_or_silenced() {
-    none(&unfinished(&code()));
+    none(&unfinished(&[code(), sources("clients", "py")].concat()));
     caught(&unfinished(&[Source::new("src/a.rs", "fn a() { todo!() }")]), &["src/a.rs"]);
 }
 

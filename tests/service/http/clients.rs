@@ -1,4 +1,5 @@
-//! Clients that generators make of the OpenAPI document do what users do; linters find no error in it.
+//! Clients that generators make of the OpenAPI document do what users do; linters find no error in it. So does the
+//! Python client of the project.
 
 use std::path::Path;
 use std::process::Command;
@@ -23,6 +24,16 @@ fn generated_clients_do_what_users_do() {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/clients/run");
     let tools = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap().join("clients");
     let ran = Command::new(script).arg(tools).arg(&server.url).arg(work.path()).output().unwrap();
+    let said = format!("{}{}", String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));
+    println!("{said}");
+    assert!(ran.status.success(), "{said}");
+}
+
+#[test]
+fn the_python_client_does_what_users_do() {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("clients/python/tests/run");
+    let tools = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap().join("python");
+    let ran = Command::new(script).arg(tools).env("GRIDFALL_BINARY", env!("CARGO_BIN_EXE_gridfall")).output().unwrap();
     let said = format!("{}{}", String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));
     println!("{said}");
     assert!(ran.status.success(), "{said}");

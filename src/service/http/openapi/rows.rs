@@ -11,7 +11,7 @@ pub fn frame() -> Value {
     row["additionalProperties"] = json!({ "type": ["number", "null"] });
     row["description"] = json!(
         "A frame's diagnostics; the columns of the CSV. Of each collider and wall that is met, members such as \
-         `post_force_x` come on top. What is not finite is null."
+         `post.force_x` come on top. What is not finite is null."
     );
     row
 }

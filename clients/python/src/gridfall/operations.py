@@ -1,0 +1,247 @@
+"""What can be asked of a server about scenes and jobs. `Client` and `AsyncClient` have these as methods."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from .document import Json
+from .errors import JobFailed, NotFinished
+from .exchange import Answer, Call, Give, Manners, Pause, Talk, ask
+from .models import Asset, DeviceList, Job, JobList, KeptScene, LibraryScene, Ready, Status, Sweep, ValidScene
+from .outputs import recording
+from .progress import Progress, Watcher
+from .requests import ENDS, PathLike, SceneLike, commas, decoded, given, id_of, job_of, path, scene_of
+from .result import Result
+from .scene import Scene
+
+LONGEST_WAIT_S = 50
+"""Servers answer after a minute at the latest."""
+
+
+def ready(manners: Manners) -> Talk[Ready]:
+    """Whether the server can take and run jobs; raises `NotReady`, which says why, if it cannot."""
+    return Ready.from_dict(decoded((yield from ask(manners, Call("GET", "/readyz")))))
+
+
+def devices(manners: Manners) -> Talk[DeviceList]:
+    """The devices that jobs run on, the preferred one first."""
+    return DeviceList.from_dict(decoded((yield from ask(manners, Call("GET", "/v1/devices")))))
+
+
+def library(manners: Manners) -> Talk[list[LibraryScene]]:
+    """The scenes that come with the program."""
+    answer = yield from ask(manners, Call("GET", "/v1/library"))
+    return [LibraryScene.from_dict(each) for each in decoded(answer)["scenes"]]
+
+
+def library_scene(manners: Manners, name: str) -> Talk[Scene]:
+    """A scene that comes with the program, to be run or changed."""
+    return Scene.from_dict(decoded((yield from ask(manners, Call("GET", f"/v1/library/{name}")))))
+
+
+def validate(manners: Manners, scene: SceneLike, *, overrides: Json | None = None) -> Talk[ValidScene]:
+    """What a scene costs; raises `InvalidScene` with all its faults."""
+    call = Call("POST", "/v1/scenes:validate", json={**scene_of(scene), **given(overrides=overrides)})
+    return ValidScene.from_dict(decoded((yield from ask(manners, call))))
+
+
+def keep_scene(manners: Manners, scene: SceneLike) -> Talk[KeptScene]:
+    """Keeps a scene on the server, to be run by its id. The same scene twice is one."""
+    return KeptScene.from_dict(decoded((yield from ask(manners, Call("POST", "/v1/scenes", json=scene_of(scene))))))
+
+
+def upload(manners: Manners, file: PathLike | bytes) -> Talk[Asset]:
+    """Uploads a mesh or particles. Scenes name them by the `id`. The same bytes twice are one."""
+    content = file if isinstance(file, bytes) else Path(file).read_bytes()
+    headers = {"content-type": "application/octet-stream"}
+    call = Call("PUT", "/v1/assets", content=content, headers=headers, timeout_s=300)
+    return Asset.from_dict(decoded((yield from ask(manners, call))))
+
+
+def submit(
+    manners: Manners,
+    scene: SceneLike,
+    *,
+    overrides: Json | None = None,
+    name: str | None = None,
+    tags: Sequence[str] = (),
+    priority: int | None = None,
+    deadline: datetime | None = None,
+    max_cost: float | None = None,
+    reuse: bool = False,
+    start_from: Job | str | None = None,
+    idempotency_key: str | None = None,
+) -> Talk[Job]:
+    """Puts a scene into the queue. It is judged first: `InvalidScene` has all faults at once.
+
+    A lost connection is no danger: the request has a key, under which it is accepted once, and is sent again.
+
+    - overrides: values that replace those of the scene, by path: `{"solver.kernel": "quadratic"}`.
+    - name: the scene's by default.
+    - tags: words to find the job by.
+    - priority: jobs of a higher priority run first; 0 by default.
+    - deadline: when the job must have been started.
+    - max_cost: largest estimated wall time (s) that is accepted.
+    - reuse: take the result of a finished job with the same scene, if there is one.
+    - start_from: begin with the last state of this job, whose scene had `output.state`.
+    - idempotency_key: one of your own, for submissions that outlive this program.
+    """
+    options = given(overrides=overrides, name=name, tags=list(tags), priority=priority, deadline=deadline)
+    options |= given(max_cost=max_cost, reuse=reuse, start_from=id_of(start_from) if start_from else None)
+    headers = {"idempotency-key": idempotency_key or str(uuid.uuid4())}
+    call = Call("POST", "/v1/jobs", json={**scene_of(scene), **options}, headers=headers)
+    return job_of((yield from ask(manners, call)))
+
+
+def rerun(
+    manners: Manners,
+    job: Job | str,
+    *,
+    overrides: Json | None = None,
+    name: str | None = None,
+    tags: Sequence[str] | None = None,
+    priority: int | None = None,
+    start_from: Job | str | None = None,
+) -> Talk[Job]:
+    """Runs the scene of a job again, as a new job; what is not given is as it was."""
+    options = given(overrides=overrides, name=name, priority=priority)
+    options |= {"tags": list(tags)} if tags is not None else {}
+    options |= given(start_from=id_of(start_from) if start_from else None)
+    return job_of((yield from ask(manners, Call("POST", f"{path(job)}/rerun", json=options, repeatable=False))))
+
+
+def job(manners: Manners, job: Job | str) -> Talk[Job]:
+    """A job as it stands."""
+    return job_of((yield from ask(manners, Call("GET", path(job)))))
+
+
+def jobs(
+    manners: Manners,
+    *,
+    status: Status | Sequence[Status] = (),
+    tag: str | Sequence[str] = (),
+    name: str | None = None,
+    sweep: Sweep | str | None = None,
+    created_after: datetime | None = None,
+    created_before: datetime | None = None,
+    page: int = 100,
+) -> Talk[None]:
+    """All jobs that have what is given, newest first. Pages are fetched as they are needed.
+
+    - name: of this name, or of names that begin like this if it ends in `*`.
+    """
+    filters = given(status=commas(status), tag=commas(tag), name=name, sweep=id_of(sweep) if sweep else None)
+    filters |= given(created_after=created_after, created_before=created_before)
+    cursor: str | None = None
+    while True:
+        params = {key: str(value) for key, value in {**filters, "limit": page, **given(cursor=cursor)}.items()}
+        answer = yield from ask(manners, Call("GET", "/v1/jobs", params=params))
+        found = JobList.from_dict(decoded(answer))
+        for each in found.jobs:
+            yield Give(each)
+        cursor = found.next_cursor
+        if cursor is None:
+            return
+
+
+def watch(manners: Manners, job: Job | str) -> Talk[None]:
+    """A job as it stands, again whenever it has come further, and at last as it ended."""
+    tag = ""
+    while True:
+        answer = yield from _look(manners, job, LONGEST_WAIT_S if tag else 0, tag)
+        if answer.status == 304:
+            continue
+        state, tag = job_of(answer), answer.headers["etag"]
+        yield Give(state)
+        if state.status in ENDS:
+            return
+        yield Pause(0.1)
+
+
+def wait(
+    manners: Manners,
+    job: Job | str,
+    *,
+    timeout_s: float | None = None,
+    progress: bool | Watcher = False,
+    check: bool = True,
+) -> Talk[Job]:
+    """Waits until a job has ended, and returns it.
+
+    - timeout_s: raise `NotFinished` after so long.
+    - progress: show a bar, or call a function with the job whenever it has come further.
+    - check: raise `JobFailed` unless it succeeded.
+    """
+    until = monotonic() + timeout_s if timeout_s is not None else float("inf")
+    bar = Progress(progress)
+    try:
+        state, tag = job_of((yield from _look(manners, job, 0, ""))), ""
+        bar.job(state)
+        while state.status not in ENDS:
+            left = until - monotonic()
+            if left <= 0:
+                raise NotFinished(state)
+            answer = yield from _look(manners, job, int(min(left, LONGEST_WAIT_S)), tag)
+            if answer.status != 304:
+                state, tag = job_of(answer), answer.headers["etag"] if progress else ""
+                bar.job(state)
+            if state.status not in ENDS:
+                yield Pause(min(0.1, left))
+    finally:
+        bar.close()
+    if check and state.status != "succeeded":
+        raise JobFailed(state)
+    return state
+
+
+def _look(manners: Manners, job: Job | str, seconds: int, tag: str) -> Talk[Answer]:
+    """Asks for a job when it is no longer as it was under `tag` or, without one, when it has ended."""
+    headers = given(**{"prefer": f"wait={seconds}" if seconds else None, "if-none-match": tag})
+    return (yield from ask(manners, Call("GET", path(job), headers=headers, timeout_s=seconds + 30)))
+
+
+def run(
+    manners: Manners,
+    scene: SceneLike,
+    *,
+    overrides: Json | None = None,
+    name: str | None = None,
+    tags: Sequence[str] = (),
+    priority: int | None = None,
+    max_cost: float | None = None,
+    reuse: bool = False,
+    start_from: Job | str | None = None,
+    progress: bool | Watcher = True,
+    to: PathLike | None = None,
+) -> Talk[Result]:
+    """Runs a scene and fetches its recording. The options are those of `submit`.
+
+    - progress: show a bar (the default), or call a function with the job whenever it has come further.
+    - to: where the recording goes; a temporary file by default, which `Recording.save` copies.
+    """
+    options: dict[str, Any] = given(overrides=overrides, name=name, tags=tags, priority=priority, max_cost=max_cost)
+    options |= given(reuse=reuse, start_from=start_from)
+    submitted = yield from submit(manners, scene, **options)
+    ended = yield from wait(manners, submitted, progress=progress)
+    return Result(ended, (yield from recording(manners, ended, to=to)))
+
+
+def result(manners: Manners, job: Job | str, *, to: PathLike | None = None) -> Talk[Result]:
+    """A job that has ended, and its recording."""
+    ended = yield from wait(manners, job)
+    return Result(ended, (yield from recording(manners, ended, to=to)))
+
+
+def cancel(manners: Manners, job: Job | str) -> Talk[Job]:
+    """Cancels a job. A running one ends within about a second and keeps its recording so far."""
+    return job_of((yield from ask(manners, Call("POST", f"{path(job)}/cancel"))))
+
+
+def delete(manners: Manners, job: Job | str) -> Talk[None]:
+    """Deletes a job that has ended, and its files."""
+    yield from ask(manners, Call("DELETE", path(job), repeatable=False))

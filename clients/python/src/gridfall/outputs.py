@@ -1,0 +1,93 @@
+"""What can be asked of a server about what jobs leave. `Client` and `AsyncClient` have these as methods."""
+
+from __future__ import annotations
+
+import tempfile
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+from numpy.typing import NDArray
+
+from .download import download
+from .exchange import Call, Give, Manners, More, Talk, ask, open_stream
+from .models import FrameList, Job
+from .recording import GrowingRecording, Recording
+from .requests import ENDS, PathLike, decoded, job_of, path
+from .result import Picture
+from .scene import Scene
+from .tables import table
+
+
+def recording(manners: Manners, job: Job | str, *, to: PathLike | None = None) -> Talk[Recording]:
+    """The recording of a job; of a running one, the frames so far.
+
+    - to: where it goes; a temporary file by default. A download that broke off goes on there.
+    """
+    state = job_of((yield from ask(manners, Call("GET", path(job)))))
+    temporary = Path(tempfile.mkdtemp(prefix="gridfall-")) if to is None else None
+    target = temporary / "recording.mcap" if temporary else Path(to or "")
+    name = "recording.mcap" if state.status in ENDS else "recording-so-far.mcap"
+    yield from download(manners, f"{path(job)}/{name}", target)
+    return Recording(target, temporary=temporary)
+
+
+def follow(manners: Manners, job: Job | str) -> Talk[None]:
+    """The frames of a job, each as soon as it is complete, to the end of the run."""
+    given_so_far = 0
+    while True:
+        call = Call("GET", f"{path(job)}/recording.mcap", params={"follow": "true"}, timeout_s=3600)
+        yield from open_stream(manners, call)
+        growing = GrowingRecording()
+        try:
+            while piece := (yield More()):
+                for frame in growing.feed(piece):
+                    if frame.index == given_so_far:
+                        given_so_far += 1
+                        yield Give(frame)
+            return
+        except httpx.TransportError:
+            # The recording begins anew with the connection, and is the same as before.
+            yield manners.pause(0)
+
+
+def frame_list(manners: Manners, job: Job | str) -> Talk[FrameList]:
+    """How many frames a job has so far, and their fields."""
+    return FrameList.from_dict(decoded((yield from ask(manners, Call("GET", f"{path(job)}/frames")))))
+
+
+def diagnostics(manners: Manners, job: Job | str) -> Talk[NDArray[np.void]]:
+    """Energies, momenta, mass and time steps, a row a frame so far: `diagnostics["kinetic_j"]`."""
+    return table(decoded((yield from ask(manners, Call("GET", f"{path(job)}/diagnostics"))))["rows"])
+
+
+def solver(manners: Manners, job: Job | str) -> Talk[NDArray[np.void]]:
+    """How the implicit integrator fared, a row a step so far; empty of explicit runs."""
+    return table(decoded((yield from ask(manners, Call("GET", f"{path(job)}/solver"))))["rows"])
+
+
+def log(manners: Manners, job: Job | str) -> Talk[str]:
+    """What the worker and the run have said about a job, a line each."""
+    return (yield from ask(manners, Call("GET", f"{path(job)}/log"))).body.decode()
+
+
+def job_scene(manners: Manners, job: Job | str) -> Talk[Scene]:
+    """The scene that a job runs, with its overrides."""
+    return Scene.from_dict(decoded((yield from ask(manners, Call("GET", f"{path(job)}/scene")))))
+
+
+def thumbnail(manners: Manners, job: Job | str) -> Talk[Picture]:
+    """A picture of the last frame of a job that has ended: the bytes of a PNG, which notebooks show."""
+    return Picture((yield from ask(manners, Call("GET", f"{path(job)}/thumbnail.png"))).body)
+
+
+def state(manners: Manners, job: Job | str) -> Talk[dict[str, NDArray[Any]]]:
+    """The last state of all particles of a job whose scene has `output.state`.
+
+    Arrays by name: `x`, `v` (n × d), `B`, `F` (n × d × d), `plastic` and `body` (n).
+    """
+    answer = yield from ask(manners, Call("GET", f"{path(job)}/state.npz", timeout_s=300))
+    with np.load(BytesIO(answer.body)) as arrays:
+        return dict(arrays)

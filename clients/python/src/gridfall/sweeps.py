@@ -1,0 +1,87 @@
+"""What can be asked of a server about sweeps. `Client` and `AsyncClient` have these as methods."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from .document import Json
+from .exchange import Call, Manners, Pause, Talk, ask, collected
+from .models import Job, Sweep
+from .operations import jobs, result
+from .progress import Progress
+from .requests import SceneLike, decoded, given, id_of, scene_of
+from .result import Result
+
+
+def sweep(
+    manners: Manners,
+    scene: SceneLike,
+    *,
+    grid: Mapping[str, Sequence[Any]] | None = None,
+    list: Sequence[Json] | None = None,  # noqa: A002
+    overrides: Json | None = None,
+    name: str | None = None,
+    tags: Sequence[str] = (),
+    priority: int | None = None,
+    max_cost: float | None = None,
+) -> Talk[Sweep]:
+    """Submits a scene with many values: each of `list` with each combination of `grid`.
+
+    All jobs are judged first, and all are accepted or none.
+
+    - grid: values to combine, by path: `{"solver.cfl": [0.3, 0.5]}`.
+    - list: overrides to run one after the other.
+    """
+    options = given(grid=grid, list=list, overrides=overrides, name=name, tags=[*tags], priority=priority)
+    body = {**scene_of(scene), **options, **given(max_cost=max_cost)}
+    return Sweep.from_dict(decoded((yield from ask(manners, Call("POST", "/v1/sweeps", json=body, repeatable=False)))))
+
+
+def wait_sweep(manners: Manners, sweep: Sweep | str, *, progress: bool = False) -> Talk[Sweep]:
+    """Waits until all jobs of a sweep have ended, well or not."""
+    bar = Progress(progress)
+    try:
+        while True:
+            answer = yield from ask(manners, Call("GET", f"/v1/sweeps/{id_of(sweep)}"))
+            state = Sweep.from_dict(decoded(answer))
+            bar.sweep(state)
+            if state.ended:
+                return state
+            yield Pause(0.25)
+    finally:
+        bar.close()
+
+
+def sweep_jobs(manners: Manners, sweep: Sweep | str) -> Talk[Sequence[Job]]:
+    """The jobs of a sweep as they stand, in the order of the values."""
+    found = yield from collected(jobs(manners, sweep=sweep))
+    return found[::-1]
+
+
+def run_sweep(
+    manners: Manners,
+    scene: SceneLike,
+    *,
+    grid: Mapping[str, Sequence[Any]] | None = None,
+    list: Sequence[Json] | None = None,  # noqa: A002
+    overrides: Json | None = None,
+    name: str | None = None,
+    tags: Sequence[str] = (),
+    max_cost: float | None = None,
+    progress: bool = True,
+) -> Talk[Sequence[Result]]:
+    """Runs a sweep and fetches all recordings, in the order of the values. Raises `JobFailed` if a job does."""
+    submitted = yield from sweep(
+        manners, scene, grid=grid, list=list, overrides=overrides, name=name, tags=tags, max_cost=max_cost
+    )
+    yield from wait_sweep(manners, submitted, progress=progress)
+    results = []
+    for each in (yield from sweep_jobs(manners, submitted)):
+        results.append((yield from result(manners, each)))
+    return results
+
+
+def cancel_sweep(manners: Manners, sweep: Sweep | str) -> Talk[Sweep]:
+    """Cancels all jobs of a sweep."""
+    return Sweep.from_dict(decoded((yield from ask(manners, Call("POST", f"/v1/sweeps/{id_of(sweep)}/cancel")))))
