@@ -15,6 +15,7 @@ use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryRead
 use prost::Message;
 
 use super::cloud::{Cloud, FramePoints};
+use super::embedded::BODIES;
 use super::files::{RecordingError, partial_path};
 
 /// Length of the mark that recordings begin with, and of a record's head: opcode and length.
@@ -24,6 +25,8 @@ const RECORD_HEAD: u64 = 9;
 const MOST_CHUNK_BYTES: u64 = 1 << 30;
 /// Most bytes of an index of messages that are looked at; a frame's have a few entries.
 const MOST_INDEX_BYTES: u64 = 1 << 20;
+/// Most bytes of metadata that are looked at.
+const MOST_METADATA_BYTES: u64 = 1 << 24;
 
 /// Where a chunk is in the file, head included.
 #[derive(Clone, Copy, Debug)]
@@ -171,6 +174,41 @@ impl FrameIndex {
     }
 }
 
+/// Names of the bodies and sources of a recording, by their numbers in the field `body`; none where it does not say.
+///
+/// # Errors
+/// When there is no recording, or it cannot be read.
+pub fn bodies(target: &Path) -> Result<Vec<String>, RecordingError> {
+    let (mut file, _) = open(target)?;
+    read_bodies(&mut file).map_err(RecordingError::io("read", target))
+}
+
+/// They are before the first chunk.
+fn read_bodies(file: &mut File) -> io::Result<Vec<String>> {
+    let length = file.metadata()?.len();
+    let mut at = MAGIC_BYTES;
+    while at + RECORD_HEAD <= length {
+        file.seek(SeekFrom::Start(at))?;
+        let mut head = [0; RECORD_HEAD as usize];
+        file.read_exact(&mut head)?;
+        let size = u64::from_le_bytes(head[1..].try_into().expect("eight bytes"));
+        let next = (at + RECORD_HEAD).checked_add(size).filter(|next| *next <= length);
+        let (Some(next), false) = (next, matches!(head[0], op::CHUNK | op::DATA_END)) else { break };
+        if head[0] == op::METADATA && size <= MOST_METADATA_BYTES {
+            let mut body = vec![0; size as usize];
+            file.read_exact(&mut body)?;
+            if let Ok(Record::Metadata(metadata)) = mcap::parse_record(op::METADATA, &body)
+                && metadata.name == BODIES
+            {
+                let name = |n: usize| metadata.metadata.get(&n.to_string()).cloned();
+                return Ok((0..metadata.metadata.len()).map_while(name).collect());
+            }
+        }
+        at = next;
+    }
+    Ok(Vec::new())
+}
+
 /// The recording and `true`, or the unfinished one.
 fn open(target: &Path) -> Result<(File, bool), RecordingError> {
     // Between the two looks it may get its name.
@@ -178,7 +216,11 @@ fn open(target: &Path) -> Result<(File, bool), RecordingError> {
     for (path, finished) in [(target, true), (&partial, false), (target, true)] {
         match File::open(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-            file => return Ok((file.map_err(RecordingError::io("open", path))?, finished)),
+            file => {
+                // Whoever names the unfinished one means that.
+                let finished = finished && path.extension().is_none_or(|extension| extension != "partial");
+                return Ok((file.map_err(RecordingError::io("open", path))?, finished));
+            }
         }
     }
     Err(RecordingError::io("open", target)(io::ErrorKind::NotFound.into()))
