@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use super::run::bar;
 use super::{CliError, interrupt};
 use gridfall_recording::export::{self, ExportError, Format, Selection, Series};
-use gridfall_recording::{FrameIndex, bodies};
+use gridfall_recording::{FrameIndex, RecordingError, bodies};
 
 /// Write frames of a recording as files for other programs: a file a frame, and for ParaView a list of them (.pvd).
 ///
@@ -101,10 +101,11 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let named = Format::of(&arguments.output).filter(|_| !arguments.output.is_dir());
     let format = arguments.format.map(Format::from).or(named).unwrap_or(Format::Vtp);
     let most = arguments.max_points.map_or(usize::MAX, |most| most as usize);
-    let selected = bodies(recording).map_err(ExportError::from);
-    let selection = selected.and_then(|names| Selection::new(names, &arguments.bodies, most)).map_err(refused)?;
+    let unread = |error: RecordingError| CliError::BadInput(error.to_string());
+    let names = bodies(recording).map_err(unread)?;
+    let selection = Selection::new(names, &arguments.bodies, most).map_err(refused)?;
     let mut index = FrameIndex::default();
-    index.look(recording).map_err(|error| refused(error.into()))?;
+    index.look(recording).map_err(unread)?;
     let Frames { first, end } = arguments.frames;
     // What was named must be there; what was not, need not.
     let last = end.map_or(first, |end| end - 1);
@@ -159,7 +160,8 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         series.write(&list).map_err(|error| CliError::Failed(error.to_string()))?;
     }
     if written > 0 {
-        eprintln!("wrote {}: {written} frames, {points} points", target.said(format));
+        let frames = if written == 1 { "frame" } else { "frames" };
+        eprintln!("wrote {}: {written} {frames}, {points} points", target.said(format));
     }
     outcome
 }

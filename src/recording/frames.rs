@@ -43,7 +43,7 @@ struct Ids {
 }
 
 /// Where the complete frames of a recording are.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct FrameIndex {
     ids: Option<Ids>,
     /// The chunk of each frame's points.
@@ -92,7 +92,7 @@ impl FrameIndex {
         let message = chunk.and_then(|chunk| message(&chunk, ids.particles, frame as u32));
         let (time_ns, message) = message.ok_or_else(|| damaged("the chunk of a frame does not have its points"))?;
         let cloud = PointCloud::decode(message.as_slice()).map_err(|error| damaged(&error.to_string()))?;
-        Cloud::new(cloud, time_ns as f64 * 1e-9).map(Some).ok_or_else(|| damaged("its points have no positions"))
+        Cloud::new(cloud, time_ns as f64 / 1e9).map(Some).ok_or_else(|| damaged("its points have no positions"))
     }
 
     /// Finds the frames of a finished recording.

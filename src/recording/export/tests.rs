@@ -1,3 +1,5 @@
+//! Which points and arrays are exported.
+
 use foxglove::messages::{PackedElementField, PointCloud};
 
 use super::*;
