@@ -14,8 +14,8 @@ pub fn hencky_strain(f: &[f64; 9]) -> [f64; 9] {
     to_row_major(&mul_transpose(&scaled, &u), 0.0)
 }
 
-/// Plastic strain since the start, as far as a law keeps it: the logarithm of a volume ratio, positive for growth. 0 for
-/// laws that do not flow, NaN for those that flow and do not say how far.
+/// Plastic strain since the start, as far as a law keeps it: the logarithm of a volume ratio, positive for growth.
+/// 0 for laws that do not flow, NaN for those that flow and do not say how far.
 pub fn plastic_strain(material: &Material, plastic: f64) -> f64 {
     match material {
         Material::DruckerPrager(_) | Material::MohrCoulomb(_) => plastic,

@@ -1,5 +1,5 @@
-//! Frames as files of other programs: other readers find in them what the recording has, and stress and strain are those
-//! of the law.
+//! Frames as files of other programs: other readers find in them what the recording has, and stress and strain are
+//! those of the law.
 
 use std::path::Path;
 use std::process::{Command, Output};
