@@ -6,6 +6,7 @@ mod bench_implicit;
 mod check;
 mod demo;
 mod device;
+mod export;
 mod interrupt;
 mod run;
 mod schema;
@@ -33,6 +34,7 @@ enum Command {
     Run(run::Arguments),
     Check(check::Arguments),
     Demo(demo::Arguments),
+    Export(export::Arguments),
     Adapters(adapters::Arguments),
     Bench(bench::Arguments),
     Verify(verify::Arguments),
@@ -46,6 +48,7 @@ impl Command {
             Self::Run(arguments) => run::execute(arguments),
             Self::Check(arguments) => check::execute(arguments),
             Self::Demo(arguments) => demo::execute(arguments),
+            Self::Export(arguments) => export::execute(arguments),
             Self::Adapters(arguments) => adapters::execute(arguments),
             Self::Bench(arguments) => bench::execute(arguments),
             Self::Verify(arguments) => verify::execute(arguments),

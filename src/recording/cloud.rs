@@ -40,27 +40,41 @@ pub struct FramePoints {
 
 /// Where a number of a point is.
 #[derive(Clone, Copy, Debug)]
-struct Element {
+pub(crate) struct Element {
     offset: usize,
-    kind: NumericType,
+    pub kind: NumericType,
+}
+
+/// Length of a number (bytes).
+fn size(kind: NumericType) -> usize {
+    match kind {
+        NumericType::Unknown => 0,
+        NumericType::Uint8 | NumericType::Int8 => 1,
+        NumericType::Uint16 | NumericType::Int16 => 2,
+        NumericType::Uint32 | NumericType::Int32 | NumericType::Float32 => 4,
+        NumericType::Float64 => 8,
+    }
 }
 
 impl Element {
     /// Of a field that fits into a point.
     fn of(field: &PackedElementField, stride: usize) -> Option<Self> {
-        let kind = NumericType::try_from(field.r#type).ok()?;
-        let size = match kind {
-            NumericType::Unknown => return None,
-            NumericType::Uint8 | NumericType::Int8 => 1,
-            NumericType::Uint16 | NumericType::Int16 => 2,
-            NumericType::Uint32 | NumericType::Int32 | NumericType::Float32 => 4,
-            NumericType::Float64 => 8,
-        };
+        let kind = NumericType::try_from(field.r#type).ok().filter(|kind| *kind != NumericType::Unknown)?;
         let offset = field.offset as usize;
-        (offset + size <= stride).then_some(Self { offset, kind })
+        (offset + size(kind) <= stride).then_some(Self { offset, kind })
     }
 
-    fn read(self, point: &[u8]) -> f64 {
+    /// Length (bytes).
+    pub fn length(self) -> usize {
+        size(self.kind)
+    }
+
+    /// The number as it is stored, little-endian.
+    pub fn bytes(self, point: &[u8]) -> &[u8] {
+        &point[self.offset..][..size(self.kind)]
+    }
+
+    pub fn read(self, point: &[u8]) -> f64 {
         fn bytes<const N: usize>(point: &[u8], at: usize) -> [u8; N] {
             point[at..at + N].try_into().expect("the field fits into a point")
         }
@@ -90,6 +104,11 @@ impl Cloud {
         Some(Self { stride, position, message, time_s })
     }
 
+    /// Simulated time (s).
+    pub fn time_s(&self) -> f64 {
+        self.time_s
+    }
+
     /// Number of points.
     pub fn len(&self) -> usize {
         self.message.data.len() / self.stride
@@ -109,14 +128,12 @@ impl Cloud {
     /// At most `most` points, the same share of all parts of the frame; of the field of this name, or else in the
     /// colours that were recorded. There are no values of a field that is not there.
     pub fn take(&self, field: Option<&str>, most: usize) -> FramePoints {
-        let pose = self.message.pose.unwrap_or_default();
-        let turned = rotation(&pose);
-        let origin = pose.position.map_or([0.0; 3], |at| [at.x, at.y, at.z]);
+        let (turned, origin) = self.placement();
         let (all, n) = (self.len(), self.len().min(most));
         let chosen = || (0..n).map(|k| self.point((k as u128 * all as u128 / n.max(1) as u128) as usize));
         let position = |point: &[u8]| {
             let x = self.position.map(|element| element.read(point));
-            turned.map(|row| (0..3).map(|a| row[a] * x[a]).sum::<f64>() as f32)
+            turned.map(|row| dot(row, x) as f32)
         };
         let mut taken = FramePoints { time_s: self.time_s, recorded: all, origin, ..FramePoints::default() };
         taken.positions = chosen().map(position).collect();
@@ -136,11 +153,32 @@ impl Cloud {
         taken
     }
 
-    fn point(&self, k: usize) -> &[u8] {
+    /// The pose: a rotation, by rows, and what positions are relative to (m).
+    fn placement(&self) -> ([[f64; 3]; 3], [f64; 3]) {
+        let pose = self.message.pose.unwrap_or_default();
+        (rotation(&pose), pose.position.map_or([0.0; 3], |at| [at.x, at.y, at.z]))
+    }
+
+    /// How to read positions of points in the scene (m).
+    pub(crate) fn positions(&self) -> impl Fn(&[u8]) -> [f64; 3] {
+        let ((turned, origin), elements) = (self.placement(), self.position);
+        move |point| {
+            let x = elements.map(|element| element.read(point));
+            std::array::from_fn(|a| origin[a] + dot(turned[a], x))
+        }
+    }
+
+    /// Names of the recorded scalars but for positions, colours included, and how to read each.
+    pub(crate) fn scalars(&self) -> Vec<(&str, Element)> {
+        let others = self.message.fields.iter().filter(|field| !POSITION.contains(&field.name.as_str()));
+        others.filter_map(|field| Some((field.name.as_str(), Element::of(field, self.stride)?))).collect()
+    }
+
+    pub(crate) fn point(&self, k: usize) -> &[u8] {
         &self.message.data[k * self.stride..][..self.stride]
     }
 
-    fn element(&self, name: &str) -> Option<Element> {
+    pub(crate) fn element(&self, name: &str) -> Option<Element> {
         self.message.fields.iter().find(|field| field.name == name).and_then(|field| Element::of(field, self.stride))
     }
 
@@ -176,6 +214,10 @@ impl Value {
         };
         value as f32
     }
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|k| a[k] * b[k]).sum()
 }
 
 /// The rotation of a pose, by rows.

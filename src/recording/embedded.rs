@@ -1,9 +1,12 @@
-//! The scene that a recording carries.
+//! What a recording carries of its scene.
 
 use mcap::records::Record;
 
 /// Name of the attachment that is the scene's document.
 pub const SCENE: &str = "scene.json";
+
+/// Name of the metadata with the names of bodies and sources, by their numbers.
+pub const BODIES: &str = "bodies";
 
 /// Whether the bytes begin as a recording does.
 pub fn is_recording(bytes: &[u8]) -> bool {

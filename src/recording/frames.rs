@@ -2,7 +2,7 @@
 //! file, and what was looked at once is not looked at again.
 
 use std::fs::File;
-use std::io::{self, BufReader};
+use std::io::{self, BufReader, Read};
 use std::path::Path;
 
 use foxglove::messages::PointCloud;
@@ -10,11 +10,12 @@ use mcap::records::Record;
 use prost::Message;
 
 use super::cloud::{Cloud, FramePoints};
+use super::embedded::BODIES;
 use super::files::{RecordingError, partial_path};
-use super::index::{Contents, unfold_at};
+use super::index::{Contents, MAGIC, unfold_at};
 
 /// Where the complete frames of a recording are.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct FrameIndex {
     contents: Contents,
     /// The chunk of each frame's points.
@@ -37,7 +38,12 @@ impl FrameIndex {
     /// # Errors
     /// When there is none, or it cannot be read.
     pub fn look(&mut self, target: &Path) -> Result<(), RecordingError> {
-        let file = open(target)?;
+        let mut file = open(target)?;
+        let mut beginning = [0; MAGIC.len()];
+        if self.contents.end == 0 && file.read_exact(&mut beginning).is_ok() && &beginning != MAGIC {
+            let reason = "it does not begin as MCAP files do".into();
+            return Err(RecordingError::Damaged { path: target.to_owned(), reason });
+        }
         let mut look = || self.contents.read(&mut BufReader::new(&file), file.metadata()?.len(), false);
         look().map_err(RecordingError::io("read", target))?;
         let Some(particles) = self.contents.channel("/particles") else { return Ok(()) };
@@ -65,8 +71,23 @@ impl FrameIndex {
         let message = whole.and(found);
         let (time_ns, message) = message.ok_or_else(|| damaged("the chunk of a frame does not have its points"))?;
         let cloud = PointCloud::decode(message.as_slice()).map_err(|error| damaged(&error.to_string()))?;
-        Cloud::new(cloud, time_ns as f64 * 1e-9).map(Some).ok_or_else(|| damaged("its points have no positions"))
+        Cloud::new(cloud, time_ns as f64 / 1e9).map(Some).ok_or_else(|| damaged("its points have no positions"))
     }
+}
+
+/// Names of the bodies and sources of a recording, by their numbers in the field `body`; none where it does not say.
+///
+/// # Errors
+/// When there is no such recording, or it cannot be read.
+pub fn bodies(target: &Path) -> Result<Vec<String>, RecordingError> {
+    let mut file = open(target)?;
+    let mut read = || {
+        let mut contents = Contents::default();
+        contents.read(&mut BufReader::new(&file), file.metadata()?.len(), false)?;
+        contents.metadata(&mut file, BODIES)
+    };
+    let names = read().map_err(RecordingError::io("read", target))?;
+    Ok((0..names.len()).map_while(|n| names.get(&n.to_string()).cloned()).collect())
 }
 
 /// The recording, or the unfinished one.

@@ -32,7 +32,7 @@ impl Chunk {
 }
 
 /// Contents of the index of a recording.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Contents {
     /// Where the last complete frame ends; 0 until the file's header is complete.
     pub end: u64,
@@ -161,6 +161,18 @@ impl Contents {
 
     pub fn diagnostics_channel(&self) -> Option<u16> {
         self.channel("/diagnostics")
+    }
+
+    /// The metadata of this name, if there is such; of a file that was read.
+    pub fn metadata(&self, file: &mut (impl Read + Seek), name: &str) -> io::Result<BTreeMap<String, String>> {
+        let Some(place) = self.metadata.iter().find(|place| place.name == name) else { return Ok(BTreeMap::new()) };
+        let mut body = Vec::new();
+        file.seek(SeekFrom::Start(place.offset + RECORD_HEAD))?;
+        file.take(place.length - RECORD_HEAD).read_to_end(&mut body)?;
+        match mcap::parse_record(op::METADATA, &body) {
+            Ok(Record::Metadata(metadata)) => Ok(metadata.metadata),
+            _ => Ok(BTreeMap::new()),
+        }
     }
 
     /// The channel of a topic, once it is known.

@@ -8,6 +8,7 @@
 //! ([`Growing`]). A finished recording is renamed to `NAME.mcap`.
 
 mod appearance;
+mod arrays;
 mod channels;
 pub mod checkpoint;
 mod cloud;
@@ -15,6 +16,7 @@ mod colliders;
 mod diagnostics;
 pub mod embedded;
 mod excerpt;
+pub mod export;
 mod files;
 mod frames;
 mod growing;
@@ -32,7 +34,7 @@ mod writer;
 pub use appearance::Appearance;
 pub use cloud::{Cloud, FramePoints};
 pub use files::{RecordingError, partial_path, write_file};
-pub use frames::{FrameIndex, frame_points};
+pub use frames::{FrameIndex, bodies, frame_points};
 pub use growing::{Channel, Growing, Message};
 pub use picture::thumbnail;
 pub use recovery::{Snapshot, recover, snapshot};

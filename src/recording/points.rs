@@ -12,12 +12,14 @@ use super::excerpt::Excerpt;
 use super::palette::{Palette, to_srgb};
 use gridfall_core::material;
 use gridfall_core::maths::linalg::determinant;
-use gridfall_core::sim::setup::{OutputField, Setup};
+use gridfall_core::sim::setup::{Material, OutputField, Setup};
 
 /// Which particles of an excerpt are recorded, and the layout of a point; the same for all frames.
 pub struct Points {
     /// Indices into excerpts, ascending.
     selected: Vec<u32>,
+    /// Their numbers in sampling order.
+    ids: Vec<u32>,
     palette: Palette,
     layout: Vec<PackedElementField>,
     stride: usize,
@@ -26,8 +28,8 @@ pub struct Points {
 }
 
 impl Points {
-    /// `selected` says which particles of an excerpt are recorded.
-    pub fn new(setup: &Setup, appearance: &Appearance, selected: Vec<u32>) -> Self {
+    /// `selected` says which particles of an excerpt are recorded, and `ids` which particles these are.
+    pub fn new(setup: &Setup, appearance: &Appearance, selected: Vec<u32>, ids: Vec<u32>) -> Self {
         let mut layout = Vec::new();
         let mut stride = 0;
         let mut add = |name: &str, kind: NumericType, size: u32| {
@@ -36,12 +38,12 @@ impl Points {
         };
         ["x", "y", "z"].iter().for_each(|name| add(name, NumericType::Float32, 4));
         for field in &setup.fields {
-            names(*field).iter().for_each(|name| add(name, NumericType::Float32, 4));
+            names(*field).iter().for_each(|name| add(name, kind(*field), 4));
         }
         // Viewers recognise these four names as the points' colours without being told.
         ["red", "green", "blue", "alpha"].iter().for_each(|name| add(name, NumericType::Uint8, 1));
         let palette = Palette::new(setup, appearance);
-        Self { selected, palette, stride: stride as usize, layout, corner: setup.origin }
+        Self { selected, ids, palette, stride: stride as usize, layout, corner: setup.origin }
     }
 
     /// The frame's point cloud.
@@ -49,8 +51,8 @@ impl Points {
         let present = particles.present(&self.selected);
         let [x, y, z] = self.corner;
         let mut data = vec![0u8; self.stride * present];
-        data.par_chunks_mut(self.stride).zip(&self.selected).for_each(|(bytes, &p)| {
-            self.write_point(setup, particles, p as usize, bytes);
+        data.par_chunks_mut(self.stride).zip(self.selected.par_iter().zip(&self.ids)).for_each(|(bytes, (&p, &id))| {
+            self.write_point(setup, particles, p as usize, id, bytes);
         });
         PointCloud {
             timestamp: Some(timestamp),
@@ -65,18 +67,29 @@ impl Points {
         }
     }
 
-    fn write_point(&self, setup: &Setup, particles: &Excerpt, p: usize, bytes: &mut [u8]) {
+    fn write_point(&self, setup: &Setup, particles: &Excerpt, p: usize, id: u32, bytes: &mut [u8]) {
         let (scalars, rgba) = bytes.split_at_mut(self.stride - 4);
         let (x, v) = (particles.x[p], particles.v[p]);
-        let position: [f64; 3] = std::array::from_fn(|a| x[a] - self.corner[a]);
+        let real = |value: f64| (value as f32).to_le_bytes();
+        // Several fields may need it.
+        let stressed = setup.fields.iter().any(|field| of_stress(*field));
+        let stress = if stressed { cauchy(setup, particles, p) } else { [0.0; 9] };
         let fields = setup.fields.iter().flat_map(|field| match field {
-            OutputField::Velocity => v.to_vec(),
-            OutputField::J => vec![determinant(&particles.f[p])],
-            OutputField::VonMises => vec![von_mises(&cauchy(setup, particles, p))],
-            OutputField::Pressure => vec![pressure(&cauchy(setup, particles, p))],
+            OutputField::Velocity => v.map(real).to_vec(),
+            OutputField::J => vec![real(determinant(&particles.f[p]))],
+            OutputField::VonMises => vec![real(von_mises(&stress))],
+            OutputField::Pressure => vec![real(pressure(&stress))],
+            OutputField::Stress => components(&stress).map(real).to_vec(),
+            OutputField::Strain => components(&material::hencky_strain(&particles.f[p])).map(real).to_vec(),
+            OutputField::PlasticStrain => {
+                vec![real(material::plastic_strain(material_of(setup, particles, p), particles.plastic[p]))]
+            }
+            OutputField::Body => vec![particles.body[p].to_le_bytes()],
+            OutputField::Id => vec![id.to_le_bytes()],
         });
-        for (slot, value) in scalars.chunks_exact_mut(4).zip(position.into_iter().chain(fields)) {
-            slot.copy_from_slice(&(value as f32).to_le_bytes());
+        let position = (0..3).map(|a| real(x[a] - self.corner[a]));
+        for (slot, word) in scalars.chunks_exact_mut(4).zip(position.chain(fields)) {
+            slot.copy_from_slice(&word);
         }
         let speed = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
         let [r, g, b] = self.palette.color(particles.body[p], speed).map(to_srgb);
@@ -91,13 +104,37 @@ fn names(field: OutputField) -> &'static [&'static str] {
         OutputField::J => &["J"],
         OutputField::VonMises => &["von_mises"],
         OutputField::Pressure => &["pressure"],
+        OutputField::Stress => &["stress_xx", "stress_yy", "stress_zz", "stress_xy", "stress_yz", "stress_xz"],
+        OutputField::Strain => &["strain_xx", "strain_yy", "strain_zz", "strain_xy", "strain_yz", "strain_xz"],
+        OutputField::PlasticStrain => &["plastic_strain"],
+        OutputField::Body => &["body"],
+        OutputField::Id => &["id"],
     }
 }
 
+/// What the scalars of a field are. All have four bytes.
+fn kind(field: OutputField) -> NumericType {
+    match field {
+        OutputField::Body | OutputField::Id => NumericType::Uint32,
+        _ => NumericType::Float32,
+    }
+}
+
+fn of_stress(field: OutputField) -> bool {
+    matches!(field, OutputField::VonMises | OutputField::Pressure | OutputField::Stress)
+}
+
+/// xx, yy, zz, xy, yz, xz of a symmetric tensor, the order of VTK.
+fn components(t: &[f64; 9]) -> [f64; 6] {
+    [t[0], t[4], t[8], t[1], t[5], t[2]]
+}
+
+fn material_of<'a>(setup: &'a Setup, particles: &Excerpt, p: usize) -> &'a Material {
+    &setup.materials[setup.bodies[particles.body[p] as usize].material]
+}
+
 fn cauchy(setup: &Setup, particles: &Excerpt, p: usize) -> [f64; 9] {
-    let body = &setup.bodies[particles.body[p] as usize];
-    let material = &setup.materials[body.material];
-    material::cauchy(material, setup.dimension, &particles.f[p], particles.plastic[p])
+    material::cauchy(material_of(setup, particles, p), setup.dimension, &particles.f[p], particles.plastic[p])
 }
 
 fn pressure(s: &[f64; 9]) -> f64 {

@@ -17,7 +17,7 @@ use crate::picture::thumbnail_selection;
 use crate::state;
 use gridfall_core::sim::diagnostics::{Row, Totals};
 use gridfall_core::sim::inlet::Inlets;
-use gridfall_core::sim::setup::{OutputField, Setup};
+use gridfall_core::sim::setup::Setup;
 use gridfall_engine::{Control, Engine, EngineError, FrameStats, Solve, StateError};
 
 /// Where a run's results go.
@@ -296,8 +296,8 @@ impl Frame {
     ) -> Result<Self, EngineError> {
         inlets.clear();
         let mut totals = Totals::default();
-        // Positions and velocities do for pictures; all other fields are functions of the deformation.
-        let deformation = setup.fields.iter().any(|field| *field != OutputField::Velocity);
+        // Positions and velocities do for pictures.
+        let deformation = setup.fields.iter().any(|field| field.of_deformation());
         let mut excerpt = Excerpt::of(&wanted.recorded, deformation);
         let last = frame == u64::from(setup.frames) && !wanted.still.is_empty();
         let mut still = last.then(|| Excerpt::of(&wanted.still, false));

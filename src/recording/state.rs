@@ -5,10 +5,9 @@ use std::fs::File;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
-use npyz::{AutoSerialize, WriterBuilder};
 use zip::ZipWriter;
-use zip::write::SimpleFileOptions;
 
+use crate::arrays::array;
 use crate::files::{RecordingError, partial_path, publish};
 use gridfall_core::sim::particles::Particles;
 
@@ -38,18 +37,4 @@ fn arrays(npz: &mut ZipWriter<impl Write + Seek>, d: usize, particles: &Particle
     array(npz, "F", &matrices, f.iter().flat_map(matrix))?;
     array(npz, "plastic", &[n], plastic.iter().copied())?;
     array(npz, "body", &[n], body.iter().copied())
-}
-
-fn array<T: AutoSerialize>(
-    npz: &mut ZipWriter<impl Write + Seek>,
-    name: &str,
-    shape: &[u64],
-    values: impl Iterator<Item = T>,
-) -> io::Result<()> {
-    // Stored: the numbers of a simulation hardly get shorter. More than 4 GiB need a longer head.
-    let options = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored).large_file(true);
-    npz.start_file(format!("{name}.npy"), options)?;
-    let mut writer = npyz::WriteOptions::new().default_dtype().shape(shape).writer(npz).begin_nd()?;
-    writer.extend(values)?;
-    writer.finish()
 }

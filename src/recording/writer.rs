@@ -22,7 +22,7 @@ use super::picture::Camera;
 use super::points::Points;
 use super::{colliders, diagnostics};
 use crate::appearance::Appearance;
-use crate::embedded::SCENE;
+use crate::embedded::{BODIES, SCENE};
 use crate::excerpt::{Excerpt, select, union};
 use crate::provenance;
 use gridfall_core::sim::diagnostics::{Row, SolverRow};
@@ -85,8 +85,9 @@ impl Writer {
         let file = File::create(&partial).map_err(RecordingError::io("create", &partial))?;
         let setup = header.setup;
         let recorded = select(setup.total_particles(), setup.preview_points, setup.seed);
+        let recorded_points = recorded.len();
         let (wanted, [in_points, in_film]) = union(&recorded, &Camera::film_selection(setup));
-        let points = Points::new(setup, header.appearance, in_points);
+        let points = Points::new(setup, header.appearance, in_points, recorded);
         let camera = Camera::film(setup, header.appearance, in_film);
         let start = || -> Result<_, McapError> {
             // Without seeking the file only grows, so that its prefixes can be read while it is
@@ -104,7 +105,7 @@ impl Writer {
                 media_type: "application/json".into(),
                 data: Cow::Borrowed(header.scene_json.as_bytes()),
             })?;
-            for (name, metadata) in provenance_records(header, recorded.len()) {
+            for (name, metadata) in provenance_records(header, recorded_points) {
                 mcap.write_metadata(&mcap::write::Metadata { name: name.into(), metadata })?;
             }
             let channels = Channels::add(&mut mcap, setup)?;
@@ -328,8 +329,8 @@ impl Writer {
     }
 }
 
-/// The metadata records `build`, `run` and `hardware`.
-fn provenance_records(header: &Header, points: usize) -> [(&'static str, BTreeMap<String, String>); 3] {
+/// The metadata records `build`, `run`, `hardware` and `bodies`.
+fn provenance_records(header: &Header, points: usize) -> [(&'static str, BTreeMap<String, String>); 4] {
     let Header { setup, scene_json, backend, .. } = header;
     let record = |pairs: &[(&str, String)]| pairs.iter().map(|(key, value)| (key.to_string(), value.clone())).collect();
     let hash: String = Sha256::digest(scene_json.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
@@ -362,7 +363,9 @@ fn provenance_records(header: &Header, points: usize) -> [(&'static str, BTreeMa
         ("seed", setup.seed.to_string()),
         ("scene_sha256", hash),
     ]);
-    [("build", build), ("run", run), ("hardware", hardware)]
+    // By their numbers in the field `body`.
+    let bodies = setup.bodies.iter().enumerate().map(|(n, body)| (n.to_string(), body.name.clone())).collect();
+    [("build", build), ("run", run), ("hardware", hardware), (BODIES, bodies)]
 }
 
 /// Simulated time as nanoseconds and as a message's timestamp.

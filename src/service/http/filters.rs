@@ -54,7 +54,7 @@ impl ListJobs {
 }
 
 /// A list in a query string: `a,b`.
-fn commas<'de, D, T>(deserializer: D) -> Result<Vec<T>, D::Error>
+pub(super) fn commas<'de, D, T>(deserializer: D) -> Result<Vec<T>, D::Error>
 where
     D: Deserializer<'de>,
     T: FromStr<Err: Display>,

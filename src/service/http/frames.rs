@@ -38,7 +38,7 @@ type Index = Arc<Mutex<FrameIndex>>;
 #[derive(Debug)]
 pub struct Indexes {
     known: Mutex<Vec<((Uuid, i64), Index)>>,
-    readers: Semaphore,
+    pub(super) readers: Semaphore,
 }
 
 impl Default for Indexes {
@@ -199,27 +199,29 @@ fn unit(field: &str) -> &'static str {
     match field {
         "speed" | "vx" | "vy" | "vz" => "m/s",
         "von_mises" | "pressure" => "Pa",
-        "J" => "1",
+        "J" | "plastic_strain" => "1",
+        field if field.starts_with("stress_") => "Pa",
+        field if field.starts_with("strain_") => "1",
         _ => "",
     }
 }
 
 /// The recording of a job's attempt.
-struct Source {
-    files: AttemptFiles,
-    attempt: i64,
+pub(super) struct Source {
+    pub files: AttemptFiles,
+    pub attempt: i64,
     index: Index,
 }
 
 impl Source {
-    async fn of(api: &Api, id: Uuid) -> Result<(Self, Status), Problem> {
+    pub async fn of(api: &Api, id: Uuid) -> Result<(Self, Status), Problem> {
         let (files, job) = find(api, id).await?;
         let index = api.frames.of(id, job.attempt);
         Ok((Self { files, attempt: job.attempt, index }, job.status))
     }
 
     /// Reads on a thread that may wait; `None` where there is no recording yet, or what is asked for is not in it.
-    async fn read<T: Send + 'static>(
+    pub async fn read<T: Send + 'static>(
         &self,
         api: &Api,
         with: impl FnOnce(&mut FrameIndex, &std::path::Path) -> Result<Option<T>, RecordingError> + Send + 'static,
@@ -235,7 +237,7 @@ impl Source {
 }
 
 /// The `{id}` and `{frame}` in the path.
-pub struct JobFrame(Uuid, u64);
+pub struct JobFrame(pub Uuid, pub u64);
 
 impl FromRequestParts<Api> for JobFrame {
     type Rejection = Problem;

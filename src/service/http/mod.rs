@@ -11,6 +11,7 @@ mod dto;
 mod encoding;
 mod estimate;
 mod events;
+mod exports;
 mod extract;
 mod filters;
 mod follow;

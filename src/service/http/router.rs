@@ -12,8 +12,8 @@ use utoipa_axum::routes;
 use super::openapi::{self, Description};
 use super::state::Api;
 use super::{
-    assets, cors, dashboard, devices, docs, encoding, events, frames, groups, guard, health, index, jobs, layers,
-    library, live, load, metrics, outputs, scenes,
+    assets, cors, dashboard, devices, docs, encoding, events, exports, frames, groups, guard, health, index, jobs,
+    layers, library, live, load, metrics, outputs, scenes,
 };
 
 /// All routes of the API, and their OpenAPI document.
@@ -52,6 +52,8 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         // /v1/jobs/{id}/frames, /v1/jobs/{id}/frames/{frame}/points
         .routes(routes!(frames::list))
         .routes(routes!(frames::points))
+        // /v1/jobs/{id}/frames/{frame}/export
+        .routes(routes!(exports::export))
         // /v1/jobs/{id}/live
         .routes(routes!(live::live))
         // /v1/scenes:validate

@@ -5,6 +5,7 @@ mod clients;
 mod dashboard;
 mod docs;
 mod errors;
+mod exports;
 mod frames;
 mod groups;
 mod hostile;

@@ -84,7 +84,7 @@ fn damage_is_an_error_and_what_is_not_there_too() {
     let mut index = FrameIndex::default();
     index.look(&out.recording).unwrap();
     let sound = std::fs::read(&out.recording).unwrap();
-    // Every stretch of the file in turn; a frame is read as it was, or is said to be damaged.
+    // Every stretch of the file in turn, shorter than the frame; it is read as it was, or is said to be damaged.
     let whole = index.points(&out.recording, 2).unwrap().unwrap().take(None, usize::MAX);
     let mut damaged = 0;
     let mut file = std::fs::OpenOptions::new().write(true).open(&out.recording).unwrap();

@@ -4,6 +4,7 @@
 mod chunks;
 mod content;
 mod driver;
+mod exports;
 mod far;
 mod fixture;
 mod frames;

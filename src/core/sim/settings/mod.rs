@@ -105,4 +105,30 @@ pub enum OutputField {
     /// Pressure, -tr(Cauchy)/3 (Pa).
     #[serde(rename = "pressure")]
     Pressure,
+    /// Cauchy stress without viscosity (Pa): `stress_xx`, `stress_yy`, `stress_zz`, `stress_xy`, `stress_yz`,
+    /// `stress_xz`.
+    #[serde(rename = "stress")]
+    Stress,
+    /// Logarithmic (Hencky) strain, half the logarithm of F Fᵀ, in the axes of space: `strain_xx` to `strain_xz`. F is
+    /// the elastic part in materials that flow, and has the volume alone in fluids.
+    #[serde(rename = "strain")]
+    Strain,
+    /// Plastic strain as far as the law keeps it, as the logarithm of a volume ratio: what loose grains have gained
+    /// apart from one another (Drucker-Prager, Mohr-Coulomb), the plastic volume since the start (NACC, snow). 0 in
+    /// materials that do not flow, not a number for von Mises, which keeps none.
+    #[serde(rename = "plastic_strain")]
+    PlasticStrain,
+    /// Number of the body or source: bodies from 0 in their order, sources after them. The recording has the names.
+    #[serde(rename = "body")]
+    Body,
+    /// Number of the particle, the same in all frames.
+    #[serde(rename = "id")]
+    Id,
+}
+
+impl OutputField {
+    /// Whether it is a function of the deformation.
+    pub fn of_deformation(self) -> bool {
+        !matches!(self, Self::Velocity | Self::Body | Self::Id)
+    }
 }
