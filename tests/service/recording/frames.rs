@@ -78,7 +78,7 @@ fn frames_of_a_growing_recording_are_those_of_the_finished_one() {
 #[test]
 fn damage_is_an_error_and_what_is_not_there_too() {
     let directory = tempfile::tempdir().unwrap();
-    let (problem, out) = (problem(0.2), outputs(directory.path()));
+    let (problem, out) = (problem(0.1), outputs(directory.path()));
     run(&scene(), &problem, &mut Ballistic::new(&problem, None), &out, &super::fixture::Watch::new(u64::MAX)).unwrap();
     let mut index = FrameIndex::default();
     index.look(&out.recording).unwrap();
