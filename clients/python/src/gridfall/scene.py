@@ -96,10 +96,20 @@ Kernel = Literal["compact", "quadratic", "cubic", "linear"]
 """A choice of kernel."""
 
 
-OutputField = Literal["velocity", "J", "von_mises", "pressure"]
+OutputField = Literal["velocity", "J", "von_mises", "pressure", "stress", "strain", "plastic_strain", "body", "id"]
 """- `J`: Volume ratio det F.
 - `von_mises`: von Mises equivalent of the Cauchy stress (Pa).
 - `pressure`: Pressure, -tr(Cauchy)/3 (Pa).
+- `stress`: Cauchy stress without viscosity (Pa): `stress_xx`, `stress_yy`, `stress_zz`, `stress_xy`,
+  `stress_yz`, `stress_xz`.
+- `strain`: Logarithmic (Hencky) strain, half the logarithm of F Fᵀ, in the axes of space: `strain_xx` to
+  `strain_xz`. F is the elastic part in materials that flow, and has the volume alone in fluids.
+- `plastic_strain`: Plastic strain as far as the law keeps it, as the logarithm of a volume ratio: what loose
+  grains have gained apart from one another (Drucker-Prager, Mohr-Coulomb), the plastic volume since the start
+  (NACC, snow). 0 in materials that do not flow, not a number for von Mises, which keeps none.
+- `body`: Number of the body or source: bodies from 0 in their order, sources after them. The recording has the
+  names.
+- `id`: Number of the particle, the same in all frames.
 """
 
 
