@@ -114,7 +114,7 @@ async fn readiness_says_what_is_missing() {
     let (status, body) = get_json(app.clone(), "/livez").await;
     assert_eq!((status, &body["status"]), (200, &json!("live")), "liveness touches nothing");
     let (status, body) = get_json(app, "/v1/jobs").await;
-    assert_eq!((status, &body["code"]), (500, &json!("internal")));
+    assert_eq!((status, &body["code"]), (503, &json!("database_away")));
 }
 
 async fn get_json(app: Router, path: &str) -> (u16, Value) {
