@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use super::run::bar;
 use super::{CliError, interrupt};
 use gridfall_recording::export::{self, ExportError, Format, Selection, Series};
-use gridfall_recording::{FrameIndex, RecordingError, bodies};
+use gridfall_recording::{FrameIndex, RecordingError};
 
 /// Write frames of a recording as files for other programs: a file a frame, and for ParaView a list of them (.pvd).
 ///
@@ -102,10 +102,10 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let format = arguments.format.map(Format::from).or(named).unwrap_or(Format::Vtp);
     let most = arguments.max_points.map_or(usize::MAX, |most| most as usize);
     let unread = |error: RecordingError| CliError::BadInput(error.to_string());
-    let names = bodies(recording).map_err(unread)?;
-    let selection = Selection::new(names, &arguments.bodies, most).map_err(refused)?;
     let mut index = FrameIndex::default();
     index.look(recording).map_err(unread)?;
+    let names = index.bodies(recording).map_err(unread)?;
+    let selection = Selection::new(names, &arguments.bodies, most).map_err(refused)?;
     let Frames { first, end } = arguments.frames;
     // What was named must be there; what was not, need not.
     let last = end.map_or(first, |end| end - 1);

@@ -52,6 +52,16 @@ impl FrameIndex {
         Ok(())
     }
 
+    /// Names of the bodies and sources, by their numbers in the field `body`; none where the recording does not say,
+    /// or was not looked at.
+    ///
+    /// # Errors
+    /// When there is no such recording, or it cannot be read.
+    pub fn bodies(&self, target: &Path) -> Result<Vec<String>, RecordingError> {
+        let names = self.contents.metadata(&mut open(target)?, BODIES).map_err(RecordingError::io("read", target))?;
+        Ok((0..names.len()).map_while(|n| names.get(&n.to_string()).cloned()).collect())
+    }
+
     /// The points of a frame; `None` if it is not there at the last look.
     ///
     /// # Errors
@@ -73,21 +83,6 @@ impl FrameIndex {
         let cloud = PointCloud::decode(message.as_slice()).map_err(|error| damaged(&error.to_string()))?;
         Cloud::new(cloud, time_ns as f64 / 1e9).map(Some).ok_or_else(|| damaged("its points have no positions"))
     }
-}
-
-/// Names of the bodies and sources of a recording, by their numbers in the field `body`; none where it does not say.
-///
-/// # Errors
-/// When there is no such recording, or it cannot be read.
-pub fn bodies(target: &Path) -> Result<Vec<String>, RecordingError> {
-    let mut file = open(target)?;
-    let mut read = || {
-        let mut contents = Contents::default();
-        contents.read(&mut BufReader::new(&file), file.metadata()?.len(), false)?;
-        contents.metadata(&mut file, BODIES)
-    };
-    let names = read().map_err(RecordingError::io("read", target))?;
-    Ok((0..names.len()).map_while(|n| names.get(&n.to_string()).cloned()).collect())
 }
 
 /// The recording, or the unfinished one.

@@ -34,7 +34,7 @@ mod writer;
 pub use appearance::Appearance;
 pub use cloud::{Cloud, FramePoints};
 pub use files::{RecordingError, partial_path, write_file};
-pub use frames::{FrameIndex, bodies, frame_points};
+pub use frames::{FrameIndex, frame_points};
 pub use growing::{Channel, Growing, Message};
 pub use picture::thumbnail;
 pub use recovery::{Snapshot, recover, snapshot};

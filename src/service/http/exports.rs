@@ -20,8 +20,8 @@ use super::openapi::PROBLEM;
 use super::outputs::missing;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
+use gridfall_recording::RecordingError;
 use gridfall_recording::export::{self, ExportError, Format, Selection};
-use gridfall_recording::{self as recording, RecordingError};
 
 /// Changes with what is written of the same frame.
 const EDITION: u32 = 1;
@@ -102,7 +102,7 @@ pub async fn export(
         if frame >= index.len() {
             index.look(target)?;
         }
-        Ok(if frame < index.len() { Some((index.clone(), recording::bodies(target)?)) } else { None })
+        Ok(if frame < index.len() { Some((index.clone(), index.bodies(target)?)) } else { None })
     });
     let Some((index, names)) = found.await? else {
         let problem = missing(&format!("frame {frame}"), status);

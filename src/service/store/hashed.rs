@@ -9,7 +9,7 @@ use uuid::Uuid;
 
 /// The hexadecimal digits that name these bytes.
 pub fn name(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+    digits(&Sha256::digest(bytes))
 }
 
 /// The digits for the bytes of a file, and their number.
@@ -24,7 +24,11 @@ pub fn name_of(file: &Path) -> io::Result<(String, u64)> {
         hash.update(&part[..n]);
         bytes += n as u64;
     }
-    Ok((hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect(), bytes))
+    Ok((digits(&hash.finalize()), bytes))
+}
+
+fn digits(hash: &[u8]) -> String {
+    hash.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Creates the folder if necessary and removes incomplete files that a crash left.
