@@ -86,7 +86,7 @@ fn range(frames: u64) -> String {
 
 impl Selection {
     /// Points of the bodies and sources of these names, of all without any, and at most `most` of them. `names` are
-    /// those of the recording ([`bodies`](crate::bodies)).
+    /// those of the recording ([`FrameIndex::bodies`](crate::FrameIndex::bodies)).
     ///
     /// # Errors
     /// When there is none of a name.
