@@ -12,6 +12,7 @@ mod files;
 mod filter;
 mod groups;
 mod hashed;
+mod insertion;
 mod job;
 mod requests;
 mod row;

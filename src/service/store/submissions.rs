@@ -1,6 +1,6 @@
 //! Adding jobs to the table.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use sqlx::any::Any;
@@ -9,7 +9,8 @@ use tokio::sync::oneshot;
 use uuid::Uuid;
 
 use super::database::Database;
-use super::row::{COLUMNS, JobRow, select_jobs};
+use super::insertion::{insert, pieces, rows};
+use super::row::{JobRow, select_jobs};
 use super::{Job, JobStore, NewJob, Result, StoreError, Submission};
 
 /// Most submissions of one transaction.
@@ -79,48 +80,53 @@ impl JobStore {
     /// In one transaction, in order.
     async fn submit_all(&self, batch: &[Waiting]) -> Result<Vec<Submission>> {
         let mut tx = self.database.lock_queue().await?;
-        let mut queue = Queue { waiting: queued(&mut tx).await?, places: BTreeMap::new() };
-        let mut submissions = Vec::with_capacity(batch.len());
+        let mut queue = Queue::now(&self.database, &mut tx).await?;
+        let mut earlier = earlier(&mut tx, batch).await?;
+        let mut accepted = Vec::new();
+        let mut verdicts = Vec::with_capacity(batch.len());
         for Waiting { new, max_queued, .. } in batch {
-            submissions.push(self.submit_one(&mut tx, &mut queue, new, *max_queued).await?);
+            let same = new.idempotency_key.as_deref().and_then(|key| earlier.get(key));
+            verdicts.push(match same {
+                Some(same) if same.request_sha256 != new.request_sha256 => Verdict::KeyReused,
+                Some(same) => Verdict::Repeats(same.job.clone()),
+                None if queue.waiting() >= *max_queued => Verdict::QueueFull,
+                None => {
+                    let job = Earlier { request_sha256: new.request_sha256.clone(), job: Known::New(accepted.len()) };
+                    accepted.push(new);
+                    if let Some(key) = &new.idempotency_key {
+                        earlier.insert(key.clone(), job);
+                    }
+                    Verdict::Accepted { place: queue.add(new.priority) }
+                }
+            });
+        }
+        let jobs = insert(&mut tx, &accepted, None, self.clock.now()).await?;
+        // In the order of the verdicts that accepted them.
+        let mut fresh = jobs.clone().into_iter();
+        let mut submissions = Vec::with_capacity(batch.len());
+        for verdict in verdicts {
+            submissions.push(match verdict {
+                Verdict::KeyReused => Submission::KeyReused,
+                Verdict::QueueFull => Submission::QueueFull,
+                Verdict::Accepted { place } => {
+                    let job = fresh.next().expect("a job for each");
+                    Submission::Accepted(Job { queue_position: Some(place), ..job })
+                }
+                Verdict::Repeats(Known::New(index)) => {
+                    Submission::Repeated(with_place(&mut *tx, self.database.along_queue(), jobs[index].clone()).await?)
+                }
+                Verdict::Repeats(Known::Stored(id)) => Submission::Repeated(fetch(&self.database, &mut tx, &id).await?),
+            });
         }
         tx.commit().await?;
         Ok(submissions)
-    }
-
-    async fn submit_one(
-        &self,
-        tx: &mut Transaction<'static, Any>,
-        queue: &mut Queue,
-        new: &NewJob,
-        max_queued: i64,
-    ) -> Result<Submission> {
-        if let Some(key) = &new.idempotency_key {
-            let earlier: Option<(String, String)> =
-                sqlx::query_as("SELECT id, request_sha256 FROM jobs WHERE idempotency_key = $1")
-                    .bind(key)
-                    .fetch_optional(&mut **tx)
-                    .await?;
-            if let Some((id, request_sha256)) = earlier {
-                if request_sha256 != new.request_sha256 {
-                    return Ok(Submission::KeyReused);
-                }
-                return Ok(Submission::Repeated(fetch(&self.database, tx, &id).await?));
-            }
-        }
-        if queue.waiting >= max_queued {
-            return Ok(Submission::QueueFull);
-        }
-        let job = insert(tx, new, None, self.clock.now()).await?;
-        let place = queue.place(&self.database, tx, &job).await?;
-        Ok(Submission::Accepted(Job { queue_position: Some(place), ..job }))
     }
 
     /// Adds all jobs of a sweep to the queue, or none if it has no room for all. Returns the sweep's id.
     pub async fn submit_sweep(&self, name: &str, new: &[NewJob], max_queued: i64) -> Result<Option<Uuid>> {
         let sweep = Uuid::now_v7();
         let mut tx = self.database.lock_queue().await?;
-        if queued(&mut tx).await? + new.len() as i64 > max_queued {
+        if Queue::now(&self.database, &mut tx).await?.waiting() + new.len() as i64 > max_queued {
             return Ok(None);
         }
         let now = self.clock.now();
@@ -130,39 +136,78 @@ impl JobStore {
             .bind(now)
             .execute(&mut *tx)
             .await?;
-        for job in new {
-            insert(&mut tx, job, Some(sweep), now).await?;
-        }
+        insert(&mut tx, &new.iter().collect::<Vec<_>>(), Some(sweep), now).await?;
         tx.commit().await?;
         Ok(Some(sweep))
     }
 }
 
-/// The queue as a transaction sees it, which keeps everybody else from adding to it.
-struct Queue {
-    waiting: i64,
-    /// The last place of each priority that was asked for.
-    places: BTreeMap<i64, i64>,
-}
+/// The queue as a transaction sees it, which keeps everybody else from adding to it: the jobs that wait at each
+/// priority.
+struct Queue(BTreeMap<i64, i64>);
 
 impl Queue {
-    /// The place of a job that was added just now.
-    async fn place(&mut self, database: &Database, tx: &mut Transaction<'static, Any>, job: &Job) -> sqlx::Result<i64> {
-        self.waiting += 1;
-        for (_, place) in self.places.range_mut(..=job.priority) {
-            *place += 1;
-        }
-        if let Some(place) = self.places.get(&job.priority) {
-            return Ok(*place);
-        }
-        let place = place(&mut **tx, database.along_queue(), job).await?;
-        self.places.insert(job.priority, place);
-        Ok(place)
+    async fn now(database: &Database, tx: &mut Transaction<'static, Any>) -> sqlx::Result<Self> {
+        let counts: Vec<(i64, i64)> = sqlx::query_as(AssertSqlSafe(format!(
+            "SELECT priority, count(*) FROM jobs {} WHERE status = 'queued' GROUP BY priority",
+            database.along_queue()
+        )))
+        .fetch_all(&mut **tx)
+        .await?;
+        Ok(Self(counts.into_iter().collect()))
+    }
+
+    fn waiting(&self) -> i64 {
+        self.0.values().sum()
+    }
+
+    /// Adds a job. Returns its place.
+    fn add(&mut self, priority: i64) -> i64 {
+        *self.0.entry(priority).or_default() += 1;
+        self.0.range(priority..).map(|(_, waiting)| waiting).sum()
     }
 }
 
-async fn queued(tx: &mut Transaction<'static, Any>) -> sqlx::Result<i64> {
-    sqlx::query_scalar("SELECT count(*) FROM jobs WHERE status = 'queued'").fetch_one(&mut **tx).await
+/// What becomes of a submission.
+enum Verdict {
+    Accepted { place: i64 },
+    Repeats(Known),
+    KeyReused,
+    QueueFull,
+}
+
+/// A job accepted under an idempotency key.
+struct Earlier {
+    request_sha256: String,
+    job: Known,
+}
+
+#[derive(Clone)]
+enum Known {
+    /// The id of a job in the table.
+    Stored(String),
+    /// One of those that the same transaction accepts.
+    New(usize),
+}
+
+/// The jobs in the table with an idempotency key of a batch.
+async fn earlier(tx: &mut Transaction<'static, Any>, batch: &[Waiting]) -> sqlx::Result<HashMap<String, Earlier>> {
+    let keys: Vec<&str> = batch.iter().filter_map(|waiting| waiting.new.idempotency_key.as_deref()).collect();
+    let mut found = HashMap::new();
+    for keys in pieces(&keys) {
+        let mut query = sqlx::query_as(AssertSqlSafe(format!(
+            "SELECT idempotency_key, id, request_sha256 FROM jobs WHERE idempotency_key IN {}",
+            rows(1, keys.len())
+        )));
+        for key in keys {
+            query = query.bind(*key);
+        }
+        let jobs: Vec<(String, String, String)> = query.fetch_all(&mut **tx).await?;
+        found.extend(
+            jobs.into_iter().map(|(key, id, request_sha256)| (key, Earlier { request_sha256, job: Known::Stored(id) })),
+        );
+    }
+    Ok(found)
 }
 
 /// A job with its place in the queue.
@@ -195,45 +240,4 @@ async fn place<'c>(executor: impl Executor<'c, Database = Any>, along_queue: &st
     .await?;
     // It may have been claimed since it was read.
     Ok(place.max(1))
-}
-
-async fn insert(tx: &mut Transaction<'static, Any>, new: &NewJob, sweep: Option<Uuid>, now: i64) -> sqlx::Result<Job> {
-    let row: JobRow = sqlx::query_as(AssertSqlSafe(format!(
-        "INSERT INTO jobs (id, name, scene_sha256, idempotency_key, request_sha256, status, created_at, particles, \
-         frames, end_time_s, integrator, integrator_reason, notices, priority, tags, deadline, estimate_s, sweep) \
-         VALUES ($1, $2, $3, $4, $5, 'queued', $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17) \
-         RETURNING {COLUMNS}"
-    )))
-    .bind(Uuid::now_v7().to_string())
-    .bind(&new.name)
-    .bind(&new.scene_sha256)
-    .bind(&new.idempotency_key)
-    .bind(&new.request_sha256)
-    .bind(now)
-    .bind(new.particles as i64)
-    .bind(new.frames as i64)
-    .bind(new.end_time_s)
-    .bind(&new.integrator)
-    .bind(&new.integrator_reason)
-    .bind(serde_json::to_string(&new.notices).expect("notices are plain text"))
-    .bind(new.priority)
-    .bind(serde_json::to_string(&new.tags).expect("tags are plain text"))
-    .bind(new.deadline.map(|time| time.as_microsecond()))
-    .bind(new.estimate_s)
-    .bind(sweep.map(|sweep| sweep.to_string()))
-    .fetch_one(&mut **tx)
-    .await?;
-    sqlx::query("INSERT INTO job_scenes (seq, scene) VALUES ($1, $2)")
-        .bind(row.0.seq)
-        .bind(&new.scene)
-        .execute(&mut **tx)
-        .await?;
-    for tag in &new.tags {
-        sqlx::query("INSERT INTO job_tags (tag, seq) VALUES ($1, $2)")
-            .bind(tag)
-            .bind(row.0.seq)
-            .execute(&mut **tx)
-            .await?;
-    }
-    Ok(row.0)
 }

@@ -1,5 +1,7 @@
 //! The queue: in order, bounded, and every request accepted once.
 
+use std::collections::BTreeMap;
+
 use gridfall_service::store::{Deletion, Filter, Job, JobStore, NewJob, Outcome, Progress, Status, Submission};
 use uuid::Uuid;
 
@@ -10,6 +12,7 @@ on_both!(
     a_job_put_back_is_next_again_and_the_old_attempt_can_write_nothing,
     a_running_job_learns_of_its_cancellation_and_a_queued_one_ends_at_once,
     the_queue_is_bounded_and_a_repeated_request_is_accepted_once,
+    submissions_at_the_same_time_are_judged_as_if_one_came_after_the_other,
     lists_are_newest_first_and_page_without_gaps,
     only_ended_jobs_are_deleted,
 );
@@ -62,6 +65,68 @@ async fn the_queue_is_bounded_and_a_repeated_request_is_accepted_once(store: Job
     assert_eq!(same.id, job.id);
     let other = NewJob { request_sha256: "other".into(), ..keyed };
     assert!(matches!(store.submit(&other, 1).await.unwrap(), Submission::KeyReused));
+}
+
+/// Those that come together share a transaction.
+async fn submissions_at_the_same_time_are_judged_as_if_one_came_after_the_other(store: JobStore) {
+    const MOST: i64 = 150;
+    let first = accept(&store, "first").await;
+    let mut submissions = tokio::task::JoinSet::new();
+    for index in 0..200_i64 {
+        let new = NewJob {
+            priority: index % 3,
+            tags: if index % 2 == 0 { vec!["even".into(), format!("t{index}")] } else { vec![] },
+            idempotency_key: (index < 40).then(|| format!("k{}", index % 10)),
+            request_sha256: if index == 25 { "another request".into() } else { "the request".into() },
+            ..new_job(&format!("job {index}"))
+        };
+        // Those with a key are never refused, however late they come.
+        let most = if index < 40 { 10 * MOST } else { MOST };
+        let store = store.clone();
+        submissions.spawn(async move { (index, store.submit(&new, most).await.unwrap()) });
+    }
+    let answers = submissions.join_all().await;
+
+    let mut accepted: Vec<&Job> = Vec::new();
+    let mut by_key: BTreeMap<i64, Vec<Uuid>> = BTreeMap::new();
+    let (mut reused, mut refused) = (0, 0);
+    for (index, answer) in &answers {
+        match answer {
+            Submission::Accepted(job) => {
+                assert_eq!(job.name, format!("job {index}"));
+                accepted.push(job);
+                by_key.entry(if *index < 40 { index % 10 } else { *index }).or_default().push(job.id);
+            }
+            Submission::Repeated(job) => {
+                assert!(*index < 40 && job.queue_position.is_some(), "{index} repeats {}", job.name);
+                by_key.entry(index % 10).or_default().push(job.id);
+            }
+            Submission::KeyReused => {
+                assert!(*index < 40 && index % 10 == 5, "{index}");
+                reused += 1;
+            }
+            Submission::QueueFull => refused += 1,
+        }
+    }
+    let count = accepted.len() as i64;
+    assert!((MOST - 1..MOST + 10).contains(&count), "{count}");
+    assert_eq!(refused, 200 - 30 - count);
+    // Job 25 differs from the three others of its key. Whichever of them came first was accepted.
+    assert!(reused == 1 || reused == 3, "{reused}");
+    assert!(by_key.values().all(|ids| ids.windows(2).all(|pair| pair[0] == pair[1])));
+
+    accepted.sort_by_key(|job| job.seq);
+    for (number, job) in accepted.iter().enumerate() {
+        let before = accepted[..number].iter().filter(|other| other.priority >= job.priority).count() as i64;
+        assert_eq!(job.queue_position, Some(before + 1 + i64::from(job.priority <= first.priority)), "{}", job.name);
+    }
+    let even = Filter { tags: vec!["even".into()], ..Filter::default() };
+    let even = store.list(&even, None, 200).await.unwrap().len();
+    assert_eq!(even, accepted.iter().filter(|job| !job.tags.is_empty()).count());
+    for job in accepted {
+        let stored = store.get(job.id).await.unwrap().unwrap();
+        assert_eq!(Job { queue_position: None, ..job.clone() }, Job { queue_position: None, ..stored });
+    }
 }
 
 async fn lists_are_newest_first_and_page_without_gaps(store: JobStore) {
