@@ -22,12 +22,25 @@ def test_a_submission_whose_answer_is_lost_is_accepted_once(client: gridfall.Cli
     assert [each.id for each in client.jobs(name="once")] == [job.id]
 
 
-def test_what_may_not_be_repeated_is_not(client: gridfall.Client, ran: gridfall.Result) -> None:
+def test_a_rerun_and_a_sweep_whose_answers_are_lost_are_accepted_once(
+    client: gridfall.Client, ran: gridfall.Result, square: gridfall.Scene
+) -> None:
+    with flaky(client.url, [0]) as way, gridfall.Client(way.url) as lost:
+        job = lost.rerun(ran.job, name="again")
+    assert len(way.requests) == 2
+    assert [each.id for each in client.jobs(name="again")] == [job.id]
+    with flaky(client.url, [0]) as way, gridfall.Client(way.url) as lost:
+        lost.sweep(square, grid={"seed": [1, 2]}, overrides={"time.end": 0.01}, name="twice")
+    assert len(way.requests) == 2
+    assert len(list(client.jobs(name="twice*"))) == 2
+
+
+def test_what_may_not_be_repeated_is_not(client: gridfall.Client, square: gridfall.Scene) -> None:
+    job = client.run(square, overrides={"time.end": 0.01}).job
     with flaky(client.url, [0]) as way, gridfall.Client(way.url) as lost:
         with pytest.raises(gridfall.ServerUnreachable, match="it may have been accepted, so look before"):
-            lost.rerun(ran.job, name="again")
+            lost.delete(job)
     assert len(way.requests) == 1
-    assert len(list(client.jobs(name="again"))) == 1
 
 
 def test_a_download_goes_on_where_it_broke_off(ran: gridfall.Result, url: str, tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use axum::Json;
 use axum::extract::State;
-use axum::http::{StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
@@ -19,15 +19,15 @@ use super::health::require_space;
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
-use super::submission::{affordable, prepare, queue_full, valid_max_cost, valid_name};
-use crate::store::{self, Filter};
+use super::submission::{accepted, affordable, idempotency_key, prepare, sha256_hex, valid_max_cost, valid_name};
+use crate::store::{self, Filter, NewSweep};
 
 const MAX_JOBS: usize = 256;
 /// Jobs that are deleted in one transaction.
 const BATCH: i64 = 200;
 
 /// A request to run a scene with many values: each of `list` with each combination of `grid`.
-#[derive(Debug, Deserialize, ToSchema)]
+#[derive(Debug, Deserialize, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SubmitSweep {
     /// The scene document; its JSON Schema is at `/v1/schema/scene`.
@@ -92,20 +92,27 @@ pub struct Changed {
 }
 
 /// Submits a scene with many values. All jobs are judged first, and all are accepted or none.
-#[utoipa::path(post, path = "/v1/sweeps", tag = "sweeps", request_body = SubmitSweep, responses(
+#[utoipa::path(post, path = "/v1/sweeps", tag = "sweeps", request_body = SubmitSweep, params(
+    ("Idempotency-Key" = Option<String>, Header,
+        description = "1 to 255 printable characters of your choice. \
+            A request repeated under the same key is accepted once."),
+), responses(
     (status = 202, body = Sweep, headers(("Location" = String, description = "Path of the sweep"))),
     (status = 422, body = dto::Problem, content_type = PROBLEM,
         description = "`invalid_scene` with all `faults` of the first job that has some, `invalid_request`, \
-            `cost_exceeded`"),
+            `cost_exceeded`, `idempotency_key_reused`"),
     (status = 507, body = dto::Problem, content_type = PROBLEM, description = "`disk_low`"),
     (status = 429, body = dto::Problem, content_type = PROBLEM, description = "`queue_full`",
         headers(("Retry-After" = u32, description = "Seconds"))),
 ))]
 pub async fn submit_sweep(
     State(api): State<Api>,
+    headers: HeaderMap,
     JsonBody(request, _room): JsonBody<SubmitSweep>,
 ) -> Result<Response, Problem> {
     require_space(&api)?;
+    let idempotency_key = idempotency_key(&headers)?;
+    let request_sha256 = sha256_hex(&serde_json::to_vec(&request).map_err(internal)?);
     let name = request.name.clone().or_else(|| request.scene.as_ref()?["name"].as_str().map(str::to_owned));
     let name = valid_name(name.unwrap_or_else(|| "sweep".into()))?;
     let combinations = combinations(&request)?;
@@ -133,9 +140,8 @@ pub async fn submit_sweep(
         affordable(estimate_s, max_cost)?;
         jobs.push(job);
     }
-    let sweep = api.store.submit_sweep(&name, &jobs, api.config.max_queued).await?;
-    let sweep = sweep.ok_or_else(|| queue_full(&api))?;
-    api.worker.wake();
+    let new = NewSweep { name, jobs, idempotency_key, request_sha256 };
+    let sweep = accepted(&api, api.store.submit_sweep(&new, api.config.max_queued).await?)?;
     let location = format!("/v1/sweeps/{sweep}");
     Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], Json(found(&api, sweep).await?)).into_response())
 }

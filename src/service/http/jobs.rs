@@ -18,8 +18,6 @@ use super::state::Api;
 use super::submission::{accept, answer, finished, idempotency_key, prepare, sha256_hex};
 use crate::store::{Deletion, Status};
 
-const IDEMPOTENCY_KEY: &str = "idempotency-key";
-
 /// Submits a scene. It is judged before it is accepted: all its faults come back at once.
 #[utoipa::path(post, path = "/v1/jobs", tag = "jobs", operation_id = "submit_job",
     params(("Idempotency-Key" = Option<String>, Header,
@@ -46,7 +44,7 @@ pub async fn submit(
     JsonBody(request, room): JsonBody<SubmitJob>,
 ) -> Result<Response, Problem> {
     require_space(&api)?;
-    let idempotency_key = headers.get(IDEMPOTENCY_KEY).map(idempotency_key).transpose()?;
+    let idempotency_key = idempotency_key(&headers)?;
     let reuse = request.reuse;
     let new = prepare(&api, request, room, idempotency_key).await?;
     if reuse && let Some(job) = finished(&api, &new).await? {
@@ -57,11 +55,15 @@ pub async fn submit(
 
 /// Runs the scene of a job again, as a new job.
 #[utoipa::path(post, path = "/v1/jobs/{id}/rerun", tag = "jobs", operation_id = "rerun_job",
-    params(("id" = Uuid, Path)), request_body = RerunJob,
+    params(("id" = Uuid, Path), ("Idempotency-Key" = Option<String>, Header,
+        description = "1 to 255 printable characters of your choice. \
+            A request repeated under the same key is accepted once.")),
+    request_body = RerunJob,
     responses(
         (status = 202, body = dto::Job, headers(("Location" = String, description = "Path of the new job"))),
         (status = 422, body = dto::Problem, content_type = PROBLEM,
-            description = "`invalid_scene` with all its `faults`, `invalid_request`, `cost_exceeded`"),
+            description = "`invalid_scene` with all its `faults`, `invalid_request`, `cost_exceeded`, \
+                `idempotency_key_reused`"),
         (status = 507, body = dto::Problem, content_type = PROBLEM, description = "`disk_low`"),
         (status = 429, body = dto::Problem, content_type = PROBLEM, description = "`queue_full`",
             headers(("Retry-After" = u32, description = "Seconds"))),
@@ -69,9 +71,11 @@ pub async fn submit(
 pub async fn rerun(
     State(api): State<Api>,
     JobId(id): JobId,
+    headers: HeaderMap,
     JsonBody(request, room): JsonBody<RerunJob>,
 ) -> Result<Response, Problem> {
     require_space(&api)?;
+    let idempotency_key = idempotency_key(&headers)?;
     let (job, scene) = (api.store.get(id).await?, api.store.scene(id).await?);
     let (Some(job), Some(scene)) = (job, scene) else { return Err(Problem::job_not_found(id)) };
     let RerunJob { start_from, name, overrides, tags, priority, deadline, max_cost } = request;
@@ -88,7 +92,7 @@ pub async fn rerun(
         max_cost,
         reuse: false,
     };
-    accept(&api, &prepare(&api, request, room, None).await?).await
+    accept(&api, &prepare(&api, request, room, idempotency_key).await?).await
 }
 
 /// The scene that a job runs, with its overrides.

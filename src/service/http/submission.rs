@@ -1,7 +1,7 @@
 //! From a request to a job that the store accepts.
 
 use axum::Json;
-use axum::http::{HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use sha2::{Digest, Sha256};
 
@@ -84,23 +84,27 @@ pub fn affordable(estimate_s: f64, max_cost: Option<f64>) -> Result<(), Problem>
 
 /// Puts a job into the queue and answers.
 pub async fn accept(api: &Api, new: &NewJob) -> Result<Response, Problem> {
-    let job = match api.store.submit(new, api.config.max_queued).await? {
-        Submission::Accepted(job) | Submission::Repeated(job) => job,
-        Submission::KeyReused => {
-            return Err(Problem::new(
-                Code::IdempotencyKeyReused,
-                "a different request was accepted under this Idempotency-Key; take a new key",
-            ));
-        }
-        Submission::QueueFull => return Err(queue_full(api)),
-    };
-    api.worker.wake();
+    let job = accepted(api, api.store.submit(new, api.config.max_queued).await?)?;
     Ok(answer(StatusCode::ACCEPTED, job))
 }
 
-pub fn queue_full(api: &Api) -> Problem {
-    let detail = format!("{} jobs may wait, and there is no room for more; try again later", api.config.max_queued);
-    Problem::new(Code::QueueFull, detail).retry_after(30)
+/// What became of a submission, for the worker and the client.
+pub fn accepted<T>(api: &Api, submission: Submission<T>) -> Result<T, Problem> {
+    match submission {
+        Submission::Accepted(new) | Submission::Repeated(new) => {
+            api.worker.wake();
+            Ok(new)
+        }
+        Submission::KeyReused => Err(Problem::new(
+            Code::IdempotencyKeyReused,
+            "a different request was accepted under this Idempotency-Key; take a new key",
+        )),
+        Submission::QueueFull => {
+            let most = api.config.max_queued;
+            let detail = format!("{most} jobs may wait, and there is no room for more; try again later");
+            Err(Problem::new(Code::QueueFull, detail).retry_after(30))
+        }
+    }
 }
 
 pub fn answer(status: StatusCode, job: Job) -> Response {
@@ -131,9 +135,11 @@ fn estimate_s(admitted: &Admitted) -> f64 {
     }
 }
 
-pub fn idempotency_key(value: &HeaderValue) -> Result<String, Problem> {
+/// The key under which a request is accepted once.
+pub fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
+    let Some(value) = headers.get("idempotency-key") else { return Ok(None) };
     match value.to_str() {
-        Ok(key) if (1..=255).contains(&key.len()) => Ok(key.to_owned()),
+        Ok(key) if (1..=255).contains(&key.len()) => Ok(Some(key.to_owned())),
         _ => Err(Problem::new(Code::InvalidHeader, "an Idempotency-Key has 1 to 255 printable ASCII characters")),
     }
 }

@@ -112,6 +112,16 @@ pub struct NewJob {
     pub request_sha256: String,
 }
 
+/// A client's request to run many jobs as one.
+#[derive(Clone, Debug, Default)]
+pub struct NewSweep {
+    pub name: String,
+    pub jobs: Vec<NewJob>,
+    /// As that of a [`NewJob`].
+    pub idempotency_key: Option<String>,
+    pub request_sha256: String,
+}
+
 #[derive(Clone, Debug, PartialEq)]
 pub struct Job {
     /// Order of acceptance.

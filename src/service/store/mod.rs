@@ -28,7 +28,7 @@ pub use assets::{Asset, AssetFiles};
 pub use files::{AttemptFiles, DataDir, JobFiles};
 pub use filter::Filter;
 pub use groups::Sweep;
-pub use job::{Failure, Job, NewJob, Progress, Status};
+pub use job::{Failure, Job, NewJob, NewSweep, Progress, Status};
 pub use scenes::SceneFiles;
 
 use clock::Clock;
@@ -69,12 +69,12 @@ pub enum StoreError {
 
 type Result<T, E = StoreError> = std::result::Result<T, E>;
 
-/// Result of a submission.
+/// Result of a submission of a job, or of a sweep by its id.
 #[derive(Debug)]
-pub enum Submission {
-    Accepted(Job),
-    /// The same request under the same idempotency key was accepted before, as this job.
-    Repeated(Job),
+pub enum Submission<T = Job> {
+    Accepted(T),
+    /// The same request under the same idempotency key was accepted before, as this one.
+    Repeated(T),
     /// Another request was accepted under this idempotency key.
     KeyReused,
     QueueFull,

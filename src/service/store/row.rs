@@ -101,7 +101,7 @@ impl FromRow<'_, AnyRow> for LostRow {
     }
 }
 
-fn uuid(text: String) -> sqlx::Result<Uuid> {
+pub(super) fn uuid(text: String) -> sqlx::Result<Uuid> {
     Uuid::parse_str(&text).map_err(decode)
 }
 

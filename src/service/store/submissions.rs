@@ -10,8 +10,8 @@ use uuid::Uuid;
 
 use super::database::Database;
 use super::insertion::{insert, pieces, rows};
-use super::row::{JobRow, select_jobs};
-use super::{Job, JobStore, NewJob, Result, StoreError, Submission};
+use super::row::{JobRow, select_jobs, uuid};
+use super::{Job, JobStore, NewJob, NewSweep, Result, StoreError, Submission};
 
 /// Most submissions of one transaction.
 const MOST_AT_ONCE: usize = 256;
@@ -123,22 +123,36 @@ impl JobStore {
     }
 
     /// Adds all jobs of a sweep to the queue, or none if it has no room for all. Returns the sweep's id.
-    pub async fn submit_sweep(&self, name: &str, new: &[NewJob], max_queued: i64) -> Result<Option<Uuid>> {
-        let sweep = Uuid::now_v7();
+    pub async fn submit_sweep(&self, new: &NewSweep, max_queued: i64) -> Result<Submission<Uuid>> {
         let mut tx = self.database.lock_queue().await?;
-        if Queue::now(&self.database, &mut tx).await?.waiting() + new.len() as i64 > max_queued {
-            return Ok(None);
+        let earlier: Option<(String, String)> =
+            sqlx::query_as("SELECT id, request_sha256 FROM sweeps WHERE idempotency_key = $1")
+                .bind(&new.idempotency_key)
+                .fetch_optional(&mut *tx)
+                .await?;
+        if let Some((id, request_sha256)) = earlier {
+            return Ok(match request_sha256 == new.request_sha256 {
+                true => Submission::Repeated(uuid(id)?),
+                false => Submission::KeyReused,
+            });
         }
-        let now = self.clock.now();
-        sqlx::query("INSERT INTO sweeps (id, name, created_at) VALUES ($1, $2, $3)")
-            .bind(sweep.to_string())
-            .bind(name)
-            .bind(now)
-            .execute(&mut *tx)
-            .await?;
-        insert(&mut tx, &new.iter().collect::<Vec<_>>(), Some(sweep), now).await?;
+        if Queue::now(&self.database, &mut tx).await?.waiting() + new.jobs.len() as i64 > max_queued {
+            return Ok(Submission::QueueFull);
+        }
+        let (id, now) = (Uuid::now_v7(), self.clock.now());
+        sqlx::query(
+            "INSERT INTO sweeps (id, name, created_at, idempotency_key, request_sha256) VALUES ($1, $2, $3, $4, $5)",
+        )
+        .bind(id.to_string())
+        .bind(&new.name)
+        .bind(now)
+        .bind(&new.idempotency_key)
+        .bind(&new.request_sha256)
+        .execute(&mut *tx)
+        .await?;
+        insert(&mut tx, &new.jobs.iter().collect::<Vec<_>>(), Some(id), now).await?;
         tx.commit().await?;
-        Ok(Some(sweep))
+        Ok(Submission::Accepted(id))
     }
 }
 

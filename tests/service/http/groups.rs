@@ -43,7 +43,14 @@ fn a_sweep_runs_every_combination_and_ends() {
     refused(&server, "/v1/sweeps", json!({ "scene": short(), "grid": { "seed": many } }), "invalid_request");
     assert_eq!(server.get("/v1/jobs").json()["jobs"].as_array().unwrap().len(), 4, "none of the refused ones");
 
-    let answer = server.post_json("/v1/sweeps", &json!({ "scene": endless(), "grid": { "seed": [1, 2, 3] } }));
+    let headers = [("content-type", "application/json"), ("idempotency-key", "k")];
+    let body = json!({ "scene": endless(), "grid": { "seed": [1, 2, 3] } }).to_string();
+    let answer = server.call("POST", "/v1/sweeps", &headers, body.clone());
+    let again = server.call("POST", "/v1/sweeps", &headers, body);
+    assert_eq!((answer.status, again.status, again.header("location")), (202, 202, answer.header("location")));
+    let other = json!({ "scene": endless(), "grid": { "seed": [1, 2] } }).to_string();
+    let other = server.call("POST", "/v1/sweeps", &headers, other);
+    assert_eq!((other.status, &other.json()["code"]), (422, &json!("idempotency_key_reused")));
     let path = answer.header("location").to_owned();
     assert!([200, 202].contains(&server.call("POST", &format!("{path}/cancel"), &[], "").status));
     let sweep = server.wait_until(&path, "the end of the sweep", |sweep| sweep["ended"] == true);

@@ -69,6 +69,15 @@ fn overrides_change_the_scene_and_a_repeated_request_makes_one_job() {
     let other = server.call("POST", "/v1/jobs", &headers, json!({ "scene": short() }).to_string());
     assert_eq!((other.status, &other.json()["code"]), (422, &json!("idempotency_key_reused")));
     server.wait_for(first.header("location"), "succeeded");
+
+    let rerun = format!("/v1/jobs/{}/rerun", first.json()["id"].as_str().unwrap());
+    let again = |overrides| server.call("POST", &rerun, &headers, json!({ "overrides": overrides }).to_string());
+    assert_eq!(again(json!({ "seed": 2 })).json()["code"], "idempotency_key_reused", "of the submission");
+    let headers = [("content-type", "application/json"), ("idempotency-key", "k-2")];
+    let again = |overrides| server.call("POST", &rerun, &headers, json!({ "overrides": overrides }).to_string());
+    let (one, two) = (again(json!({ "seed": 2 })), again(json!({ "seed": 2 })));
+    assert_eq!((one.status, two.status, &one.json()["id"]), (202, 202, &two.json()["id"]));
+    assert_eq!(again(json!({ "seed": 3 })).json()["code"], "idempotency_key_reused");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use gridfall_service::store::{Filter, Job, JobStore, NewJob, Outcome, Status, Submission};
+use gridfall_service::store::{Filter, Job, JobStore, NewJob, NewSweep, Outcome, Status, Submission};
 use jiff::{SignedDuration, Timestamp};
 
 use super::{accept, new_job, on_both};
@@ -117,7 +117,8 @@ async fn lists_are_filtered_by_everything_at_once(store: JobStore) {
 async fn a_name_is_found_among_many_and_among_few(store: JobStore) {
     let mut jobs: Vec<NewJob> = (0..1001).map(|i| new_job(&format!("dam {i}"))).collect();
     jobs.insert(500, new_job("sand"));
-    store.submit_sweep("many", &jobs, 2000).await.unwrap().unwrap();
+    let many = NewSweep { jobs, ..NewSweep::default() };
+    assert!(matches!(store.submit_sweep(&many, 2000).await.unwrap(), Submission::Accepted(_)));
     let of = |name: &str, statuses: &[Status]| Filter {
         name: Some(name.into()),
         statuses: statuses.into(),
@@ -133,11 +134,19 @@ async fn a_name_is_found_among_many_and_among_few(store: JobStore) {
 }
 
 async fn a_sweep_is_accepted_as_a_whole_or_not_at_all(store: JobStore) {
-    let jobs: Vec<NewJob> = ["a", "b", "c"].map(new_job).into();
-    assert_eq!(store.submit_sweep("too many", &jobs, 2).await.unwrap(), None);
+    let keyed = NewSweep {
+        name: "three".into(),
+        jobs: ["a", "b", "c"].map(new_job).into(),
+        idempotency_key: Some("k".into()),
+        request_sha256: "three".into(),
+    };
+    assert!(matches!(store.submit_sweep(&keyed, 2).await.unwrap(), Submission::QueueFull));
     assert_eq!(store.list(&Filter::default(), None, 10).await.unwrap(), []);
 
-    let id = store.submit_sweep("three", &jobs, 3).await.unwrap().unwrap();
+    let Submission::Accepted(id) = store.submit_sweep(&keyed, 3).await.unwrap() else { panic!() };
+    assert!(matches!(store.submit_sweep(&keyed, 3).await.unwrap(), Submission::Repeated(same) if same == id));
+    let other = NewSweep { request_sha256: "another".into(), ..keyed };
+    assert!(matches!(store.submit_sweep(&other, 9).await.unwrap(), Submission::KeyReused));
     accept(&store, "another").await;
     let of_it = Filter { sweep: Some(id), ..Filter::default() };
     let listed = store.list(&of_it, None, 10).await.unwrap();

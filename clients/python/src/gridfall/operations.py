@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import uuid
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
@@ -15,7 +14,7 @@ from .exchange import Answer, Call, Give, Manners, Pause, Talk, ask
 from .models import Asset, DeviceList, Job, JobList, KeptScene, LibraryScene, Ready, Status, Sweep, ValidScene
 from .outputs import recording
 from .progress import Progress, Watcher
-from .requests import ENDS, PathLike, SceneLike, commas, decoded, given, id_of, job_of, path, scene_of
+from .requests import ENDS, PathLike, SceneLike, commas, decoded, given, id_of, job_of, once, path, scene_of
 from .result import Result
 from .scene import Scene
 
@@ -93,8 +92,7 @@ def submit(
     """
     options = given(overrides=overrides, name=name, tags=list(tags), priority=priority, deadline=deadline)
     options |= given(max_cost=max_cost, reuse=reuse, start_from=id_of(start_from) if start_from else None)
-    headers = {"idempotency-key": idempotency_key or str(uuid.uuid4())}
-    call = Call("POST", "/v1/jobs", json={**scene_of(scene), **options}, headers=headers)
+    call = Call("POST", "/v1/jobs", json={**scene_of(scene), **options}, headers=once(idempotency_key))
     return job_of((yield from ask(manners, call)))
 
 
@@ -107,12 +105,17 @@ def rerun(
     tags: Sequence[str] | None = None,
     priority: int | None = None,
     start_from: Job | str | None = None,
+    idempotency_key: str | None = None,
 ) -> Talk[Job]:
-    """Runs the scene of a job again, as a new job; what is not given is as it was."""
+    """Runs the scene of a job again, as a new job; what is not given is as it was.
+
+    A lost connection is no danger, as in `submit`.
+    """
     options = given(overrides=overrides, name=name, priority=priority)
     options |= {"tags": list(tags)} if tags is not None else {}
     options |= given(start_from=id_of(start_from) if start_from else None)
-    return job_of((yield from ask(manners, Call("POST", f"{path(job)}/rerun", json=options, repeatable=False))))
+    call = Call("POST", f"{path(job)}/rerun", json=options, headers=once(idempotency_key))
+    return job_of((yield from ask(manners, call)))
 
 
 def job(manners: Manners, job: Job | str) -> Talk[Job]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import uuid
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -34,6 +35,11 @@ def given(**options: Any) -> dict[str, Any]:
     """The options that were given, as plain data: no None, no False, nothing empty. 0 is one."""
     empty = (value is None or value is False or value in ("", [], ()) for value in options.values())
     return {key: plain(options[key]) for key, nothing in zip(options, empty, strict=True) if not nothing}
+
+
+def once(idempotency_key: str | None) -> dict[str, str]:
+    """The header by which a request that is sent again is accepted once."""
+    return {"idempotency-key": idempotency_key or str(uuid.uuid4())}
 
 
 def commas(words: str | Sequence[str]) -> str:

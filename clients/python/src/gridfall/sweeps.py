@@ -10,7 +10,7 @@ from .exchange import Call, Manners, Pause, Talk, ask, collected
 from .models import Job, Sweep
 from .operations import jobs, result
 from .progress import Progress
-from .requests import SceneLike, decoded, given, id_of, scene_of
+from .requests import SceneLike, decoded, given, id_of, once, scene_of
 from .result import Result
 
 
@@ -25,17 +25,20 @@ def sweep(
     tags: Sequence[str] = (),
     priority: int | None = None,
     max_cost: float | None = None,
+    idempotency_key: str | None = None,
 ) -> Talk[Sweep]:
     """Submits a scene with many values: each of `list` with each combination of `grid`.
 
-    All jobs are judged first, and all are accepted or none.
+    All jobs are judged first, and all are accepted or none. A lost connection is no danger, as in `submit`.
 
     - grid: values to combine, by path: `{"solver.cfl": [0.3, 0.5]}`.
     - list: overrides to run one after the other.
+    - idempotency_key: one of your own, for submissions that outlive this program.
     """
     options = given(grid=grid, list=list, overrides=overrides, name=name, tags=[*tags], priority=priority)
     body = {**scene_of(scene), **options, **given(max_cost=max_cost)}
-    return Sweep.from_dict(decoded((yield from ask(manners, Call("POST", "/v1/sweeps", json=body, repeatable=False)))))
+    call = Call("POST", "/v1/sweeps", json=body, headers=once(idempotency_key))
+    return Sweep.from_dict(decoded((yield from ask(manners, call))))
 
 
 def wait_sweep(manners: Manners, sweep: Sweep | str, *, progress: bool = False) -> Talk[Sweep]:
