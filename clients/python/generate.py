@@ -42,6 +42,9 @@ class Module:
         for several in ("oneOf", "anyOf", "allOf"):
             if several in schema:
                 return self.type_of(next(each for each in schema[several] if each.get("type") != "null"))
+        if "if" in schema:
+            # A number or a list, the two branches.
+            return " | ".join(self.type_of(schema[branch])[0] for branch in ("then", "else")), ""
         if "$ref" in schema:
             return self.referred(schema["$ref"].rsplit("/", 1)[1])
         if "enum" in schema:
@@ -85,6 +88,7 @@ class Module:
 
     def class_of(self, name: str, schema: Schema, base: str, tag: str = "") -> None:
         short, properties = self.short(name), dict(schema["properties"])
+        properties.pop("$comment", None)
         if base == "MaterialPart":
             del properties["model"]
         required = set(schema.get("required", []))

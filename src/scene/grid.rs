@@ -12,6 +12,11 @@ pub(crate) fn cells(domain: &Domain, dimension: usize) -> [f64; 3] {
     std::array::from_fn(|a| if a < dimension { (domain.max[a] - domain.min[a]) / domain.dx } else { 1.0 })
 }
 
+/// Whether this many cells are a whole number, but for rounding.
+pub(crate) fn is_whole(n: f64) -> bool {
+    n.round() >= 1.0 && (n - n.round()).abs() <= 1e-6 * n.max(1.0)
+}
+
 /// Which axes are periodic.
 pub(crate) fn periodic(domain: &Domain, dimension: usize) -> [bool; 3] {
     let is_periodic = |name: &str| matches!(domain.boundary.get(name), Some(Boundary::Periodic(_)));

@@ -2,14 +2,15 @@
 //! [`gridfall_core::sim::setup::Problem`].
 //!
 //! A document passes through `document` (syntax), `overrides`, `structure` (types and fields),
-//! `resolve` (files, sampled shapes), `validate` (meaning) and `build` (sampling). What `resolve`
-//! finds stays beside the document, in a table. A module uses only those before it in this list:
+//! `fit` (whole cells), `resolve` (files, sampled shapes), `validate` (meaning) and `build` (sampling). What
+//! `resolve` finds stays beside the document, in a table. A module uses only those before it in this list:
 //!
 //! ```text
 //! names, schema, fault, limits, suggest, vectors, memory
-//! document, overrides, size, structure               text and JSON to a scene
+//! document, overrides, size, spelling, structure     text and JSON to a scene
 //! mesh, npz, points, state, assets                   files
 //! sampling, grid, shape                              lattices, streams, signed distances
+//! fit
 //! resolve
 //! validate, build
 //! contract, estimate
@@ -21,6 +22,7 @@ pub mod contract;
 mod document;
 pub mod estimate;
 mod fault;
+mod fit;
 mod grid;
 mod limits;
 mod memory;
@@ -34,6 +36,7 @@ mod sampling;
 pub mod schema;
 mod shape;
 mod size;
+mod spelling;
 mod state;
 mod structure;
 mod suggest;
@@ -51,6 +54,7 @@ use serde_json::Value;
 
 use assets::{Assets, NoAssets};
 use fault::Faults;
+use fit::fit;
 use resolve::Resolved;
 
 /// Reads a scene: syntax and structure. When the structure is at fault, the meaning of the rest is
@@ -87,7 +91,7 @@ pub fn from_value(document: &Value) -> Result<Scene, Vec<Fault>> {
     if faults.is_empty() {
         return Ok(scene);
     }
-    validate::check(&scene, &Resolved::default(), &Limits::default(), &mut faults);
+    validate::check(&fit(&scene).0, &Resolved::default(), &Limits::default(), &mut faults);
     Err(faults.into_vec())
 }
 
@@ -100,10 +104,10 @@ pub fn from_value_with(document: &mut Value, overrides: &[String]) -> Result<Sce
 /// Judges what a scene that names no files means, as far as possible without making particles: all
 /// but the number of steps.
 pub fn check(scene: &Scene, limits: &Limits) -> Result<(), Vec<Fault>> {
-    judge(scene, limits, &NoAssets).map(drop)
+    judge(&fit(scene).0, limits, &NoAssets).map(drop)
 }
 
-/// What a scene resolves to, if it has no fault that shows before particles are made.
+/// What a scene of whole cells resolves to, if it has no fault that shows before particles are made.
 fn judge(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Result<Resolved, Vec<Fault>> {
     let mut faults = Faults::default();
     let resolved = resolve::resolve(scene, limits, assets, &mut faults);
@@ -125,9 +129,11 @@ pub fn problem_with(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Resu
 }
 
 fn make(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Result<Problem, Vec<Fault>> {
-    let resolved = judge(scene, limits, assets)?;
+    let (scene, grown) = fit(scene);
+    let resolved = judge(&scene, limits, assets)?;
     let mut faults = Faults::default();
-    let mut problem = build::build(scene, &resolved);
+    let mut problem = build::build(&scene, &resolved);
+    problem.setup.notices.extend(grown);
     if let Some(start) = resolved.start
         && let Err(reason) = build::begin_with(&mut problem, start, scene.solver.integrator)
     {

@@ -12,6 +12,7 @@ use serde_json::{Map, Value, json};
 
 use crate::fault::{Fault, Faults, join};
 use crate::schema::Scene;
+use crate::spelling::{self, Spelling};
 use crate::suggest::{closest, list, quote};
 
 /// JSON Schema (2020-12) of a scene.
@@ -94,13 +95,27 @@ fn check_fields(
     let known = node["properties"].as_object().unwrap_or(&empty);
     let others = &node["additionalProperties"];
     let mut repaired = Map::new();
-    for (name, value) in fields {
-        let pointer = join(at, name);
+    for (spelled, value) in fields {
+        let pointer = join(at, spelled);
+        let name = match spelling::meant(spelled, value, known) {
+            Spelling::Comment => continue,
+            Spelling::Name(name) => name,
+            Spelling::Fault { code, reason, remedy } => {
+                faults.note(Fault { pointer, code, reason, remedy });
+                continue;
+            }
+        };
+        if name != spelled && fields.contains_key(name) {
+            let reason = format!("{} means `{name}`, which is given as well", quote(spelled));
+            faults.note(Fault { pointer, code: "duplicate_key", reason, remedy: "keep one of the two".into() });
+            continue;
+        }
         if let Some(property) = node["properties"].get(name) {
-            repaired.extend(check_value(property, value, &pointer, faults).map(|value| (name.clone(), value)));
+            let value = check_value(property, value, &pointer, faults);
+            repaired.extend(value.map(|value| (name.to_owned(), value)));
         } else if others.is_object() {
             let value = check_value(others, value, &pointer, faults).unwrap_or_else(|| stand_in(others));
-            repaired.insert(name.clone(), value);
+            repaired.insert(name.to_owned(), value);
         } else {
             let unused: Vec<&str> = known.keys().map(String::as_str).filter(|k| !fields.contains_key(*k)).collect();
             let remedy = match closest(name, &unused) {
@@ -113,7 +128,11 @@ fn check_fields(
     }
     for name in node["required"].as_array().into_iter().flatten().filter_map(Value::as_str) {
         let property = &node["properties"][name];
-        if !fields.contains_key(name) {
+        let is_given = fields.iter().any(|(spelled, value)| match spelling::meant(spelled, value, known) {
+            Spelling::Name(meant) => meant == name,
+            _ => false,
+        });
+        if !is_given {
             let meaning = property["description"].as_str().or(resolve(property)["description"].as_str());
             let remedy = match meaning {
                 Some(meaning) => format!("add it: {}", meaning.lines().next().unwrap_or_default()),
@@ -274,6 +293,7 @@ fn describe(node: &'static Value) -> String {
         "string" => "a string".into(),
         "boolean" => "true or false".into(),
         "array" => match type_names(resolve(&node["items"])).first() {
+            _ if type_names(node).contains(&"number") => "a number or a list of numbers".into(),
             Some(&"number") => "a list of numbers".into(),
             Some(&"array") => "a matrix, a list of rows".into(),
             _ => "a list".into(),

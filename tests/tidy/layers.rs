@@ -29,7 +29,8 @@ pub const SCENE: &[Layer] = &[
     ("document", &["fault"]),
     ("overrides", &["fault"]),
     ("size", &["fault"]),
-    ("structure", &["schema", "fault", "suggest"]),
+    ("spelling", &[]),
+    ("structure", &["schema", "fault", "suggest", "spelling"]),
     ("mesh", &["schema"]),
     ("npz", &["vectors"]),
     ("points", &["mesh", "npz"]),
@@ -38,6 +39,7 @@ pub const SCENE: &[Layer] = &[
     ("sampling", &["schema"]),
     ("grid", &["schema", "vectors", "sampling"]),
     ("shape", &["schema", "fault", "vectors"]),
+    ("fit", &["schema", "fault", "grid"]),
     ("resolve", &["schema", "fault", "limits", "mesh", "points", "state", "assets", "shape"]),
     (
         "validate",

@@ -30,6 +30,8 @@ pub fn add(definitions: &mut Map<String, Value>) {
 
 /// Adds members of `bounds` to a node, and those of its `items` to the items.
 fn merge(node: &mut Value, bounds: &Value) {
+    // Of a number or a list, the list.
+    let node = if node["else"].is_object() { &mut node["else"] } else { node };
     for (key, value) in bounds.as_object().expect("bounds are an object") {
         if key == "items" && value["$ref"].is_null() {
             merge(&mut node["items"], value);

@@ -91,6 +91,16 @@ fn new_name(name: &str) -> &str {
     NAMES.iter().find(|(old, _)| *old == name).map_or(name, |(_, new)| new)
 }
 
+/// Two types in the form that strict validators take, with one error for one slip.
+fn number_or_list(node: &mut Value) {
+    let members = node.as_object_mut().expect("it has members");
+    members.remove("type");
+    let list = json!({ "type": ["array", "null"], "items": members.remove("items") });
+    members.insert("if".into(), json!({ "type": "number" }));
+    members.insert("then".into(), json!({ "type": "number" }));
+    members.insert("else".into(), list);
+}
+
 /// Lets a definition take null; who refers to it says where that may not be.
 fn allow_null(definition: &mut Value) {
     definition["type"] = json!([definition["type"], "null"]);
@@ -167,6 +177,7 @@ impl Publisher {
         self.publish_reference(node);
         variants::merge_choices(node);
         self.publish_type(node);
+        self.publish_comment(node);
         let members = node.as_object_mut().expect("it is an object");
         members.retain(|name, value| !value.is_null() || name == "const");
     }
@@ -187,6 +198,17 @@ impl Publisher {
         }
     }
 
+    /// Any object may have a comment.
+    fn publish_comment(&self, node: &mut Value) {
+        let is_object = node["additionalProperties"] == false && node["maxProperties"].is_null();
+        if self.reader == Reader::Validator
+            && is_object
+            && let Some(properties) = node["properties"].as_object_mut()
+        {
+            properties.insert("$comment".into(), json!({ "type": "string", "description": "For readers; ignored." }));
+        }
+    }
+
     /// Formats that only some validators know become bounds. Generators need them: without, some
     /// make 32-bit numbers.
     fn publish_type(&self, node: &mut Value) {
@@ -198,11 +220,13 @@ impl Publisher {
         if self.reader == Reader::Validator {
             node["format"] = Value::Null;
             node["maximum"] = json!(most);
+            if node["type"] == json!(["array", "number", "null"]) {
+                number_or_list(node);
+            }
             return;
         }
-        if let [kind, null] = node["type"].as_array().map_or(&[][..], Vec::as_slice)
-            && null == "null"
-        {
+        // Of several types the first, which servers write.
+        if let Some(kind) = node["type"].as_array().and_then(|kinds| kinds.first()) {
             node["type"] = kind.clone();
         }
         // Clients that send defaults would hold on to those of their day.

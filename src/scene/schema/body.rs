@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::motion::Grip;
 use super::shape::Shape;
-use super::vector::{Matrix, Vector};
+use super::vector::{Matrix, Vector, spin};
 
 /// Particles of one material: a shape filled with them, or points from a file. Give one of `shape` and `points`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -28,8 +28,9 @@ pub struct Body {
     /// Initial velocity (m/s).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub velocity: Option<Vector>,
-    /// Initial spin about the centre of the body's particles (rad/s); one component in 2D.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Initial spin about the centre of the body's particles (rad/s); one number in 2D.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "spin::read")]
+    #[schemars(schema_with = "spin::schema")]
     pub angular_velocity: Option<Vector>,
     /// Initial velocity gradient about the centre of the body's particles (1/s), d × d.
     #[serde(default, skip_serializing_if = "Option::is_none")]

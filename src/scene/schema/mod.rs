@@ -17,7 +17,7 @@ pub use gridfall_core::material::parameters::Material;
 pub use gridfall_core::sim::contact::ContactKind;
 pub use gridfall_core::sim::settings::{ContactAt, Implicit, Integrator, Kernel, OutputField, Precision, Transfer};
 pub use motion::{Collider, Grip, Keyframe, Motion};
-pub use scene::{Boundary, Domain, Output, Periodic, Scene, Solver, Start, Time, WallContact};
+pub use scene::{Boundary, Domain, DomainFit, Output, Periodic, Scene, Solver, Start, Time, WallContact};
 pub use shape::{Fill, Shape};
 pub use source::Source;
 pub use vector::{Matrix, Vector};

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::shape::Shape;
-use super::vector::Vector;
+use super::vector::{Vector, spin};
 
 /// A rigid obstacle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -60,8 +60,9 @@ pub struct Motion {
     /// m/s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub linear_velocity: Option<Vector>,
-    /// rad/s about `center`; one component in 2D.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// rad/s about `center`; one number in 2D.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "spin::read")]
+    #[schemars(schema_with = "spin::schema")]
     pub angular_velocity: Option<Vector>,
     /// Centre of rotation at time 0 (m), carried along by the motion; default: the centre of the shape's bounding box.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -72,14 +72,34 @@ fn default_seed() -> u64 {
 pub struct Domain {
     /// Lower corner (m); the grid's origin.
     pub min: Vector,
-    /// Upper corner (m); a whole number of `dx` from `min` on every axis.
+    /// Upper corner (m), a whole number of `dx` from `min` on every axis, or see `fit`.
     pub max: Vector,
     /// Grid spacing (m).
     pub dx: f64,
+    /// What becomes of an axis that is not a whole number of cells.
+    #[serde(default, skip_serializing_if = "DomainFit::is_default")]
+    pub fit: DomainFit,
     /// Walls by name: `x-`, `x+`, `y-`, … for one wall, `x`, `y`, `z` for both walls of an axis.
     /// A wall that is not named is sticky.
     #[serde(default)]
     pub boundary: BTreeMap<String, Boundary>,
+}
+
+/// What becomes of an axis that is not a whole number of cells.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum DomainFit {
+    /// Its upper wall moves outward by less than a cell, with a notice. Periodic axes are refused.
+    #[default]
+    Grow,
+    /// It is refused.
+    Exact,
+}
+
+impl DomainFit {
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// `"periodic"` (an axis only) or a contact.

@@ -1,7 +1,7 @@
 //! Meaning of the domain: its extent in whole cells, and its walls.
 
 use crate::fault::{join, plain};
-use crate::grid::cells;
+use crate::grid::{cells, is_whole};
 use crate::schema::{Boundary, Domain};
 use crate::suggest::{list, quote};
 use crate::validate::check::Check;
@@ -47,7 +47,7 @@ fn extent(check: &mut Check, at: &str, domain: &Domain, a: usize, n: f64) {
     } else if n > MAX_CELLS {
         let reason = format!("makes {n:.0} cells along the axis; {MAX_CELLS} is the most");
         check.fault(at, "too_many_cells", reason, "raise dx or shrink the domain");
-    } else if n.round() < 1.0 || (n - n.round()).abs() > 1e-6 * n.max(1.0) {
+    } else if !is_whole(n) {
         let (fewer, more) = (plain(min + n.floor().max(1.0) * dx), plain(min + n.ceil() * dx));
         let reason = format!("the domain is {} m long here, which is {n:.4} cells of dx = {dx}", plain(max - min));
         let remedy = format!("make it a whole number of cells: max = {fewer} or {more}, or change dx");

@@ -34,6 +34,13 @@ ContactKind = Literal["sticky", "slip", "separate"]
 """
 
 
+DomainFit = Literal["grow", "exact"]
+"""What becomes of an axis that is not a whole number of cells.
+- `grow`: Its upper wall moves outward by less than a cell, with a notice. Periodic axes are refused.
+- `exact`: It is refused.
+"""
+
+
 Elasticity = Literal["fixed-corotated", "hencky"]
 """The elastic law of a plastic material.
 - `hencky`: Quadratic in the logarithm of the stretches.
@@ -160,7 +167,7 @@ class Body(Part):
 
     Fields:
     - J: Initial volume ratio.
-    - angular_velocity: Initial spin about the centre of the body's particles (rad/s); one component in 2D.
+    - angular_velocity: Initial spin about the centre of the body's particles (rad/s); one number in 2D.
     - contact: Contact with other bodies, in explicit runs: `separate` slides on all others and parts from them,
       `slip` slides only. By default it sticks to those that stick, with which it shares the nodes of the grid.
     - deformation_gradient: Initial deformation gradient, d × d; not together with `J`.
@@ -183,8 +190,8 @@ class Body(Part):
     name: str = field(metadata=member())
     J: float | None = field(default=None, metadata=member())
     """Initial volume ratio."""
-    angular_velocity: Vector | None = field(default=None, metadata=member())
-    """Initial spin about the centre of the body's particles (rad/s); one component in 2D."""
+    angular_velocity: float | Vector | None = field(default=None, metadata=member())
+    """Initial spin about the centre of the body's particles (rad/s); one number in 2D."""
     contact: ContactKind | None = field(default=None, metadata=member())
     """Contact with other bodies, in explicit runs: `separate` slides on all others and parts from them, `slip`
     slides only. By default it sticks to those that stick, with which it shares the nodes of the grid.
@@ -315,7 +322,8 @@ class Domain(Part):
     - boundary: Walls by name: `x-`, `x+`, `y-`, … for one wall, `x`, `y`, `z` for both walls of an axis. A wall
       that is not named is sticky.
     - dx: Grid spacing (m).
-    - max: Upper corner (m); a whole number of `dx` from `min` on every axis.
+    - fit: What becomes of an axis that is not a whole number of cells.
+    - max: Upper corner (m), a whole number of `dx` from `min` on every axis, or see `fit`.
     - min: Lower corner (m); the grid's origin.
     """
 
@@ -323,7 +331,7 @@ class Domain(Part):
     dx: float = field(metadata=member())
     """Grid spacing (m)."""
     max: Vector = field(metadata=member())
-    """Upper corner (m); a whole number of `dx` from `min` on every axis."""
+    """Upper corner (m), a whole number of `dx` from `min` on every axis, or see `fit`."""
     min: Vector = field(metadata=member())
     """Lower corner (m); the grid's origin."""
     boundary: Mapping[str, Literal["periodic"] | WallContact | Json] | None = field(
@@ -332,6 +340,8 @@ class Domain(Part):
     """Walls by name: `x-`, `x+`, `y-`, … for one wall, `x`, `y`, `z` for both walls of an axis. A wall that is not
     named is sticky.
     """
+    fit: DomainFit | None = field(default=None, metadata=member())
+    """What becomes of an axis that is not a whole number of cells."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -570,7 +580,7 @@ class Motion(Part):
     """Rigid motion of a collider: velocities, or keyframes.
 
     Fields:
-    - angular_velocity: rad/s about `center`; one component in 2D.
+    - angular_velocity: rad/s about `center`; one number in 2D.
     - axis: Axis of the keyframes' angles (3D); default z.
     - center: Centre of rotation at time 0 (m), carried along by the motion; default: the centre of the shape's
       bounding box.
@@ -580,8 +590,8 @@ class Motion(Part):
     """
 
     known = True
-    angular_velocity: Vector | None = field(default=None, metadata=member())
-    """rad/s about `center`; one component in 2D."""
+    angular_velocity: float | Vector | None = field(default=None, metadata=member())
+    """rad/s about `center`; one number in 2D."""
     axis: Vector | None = field(default=None, metadata=member())
     """Axis of the keyframes' angles (3D); default z."""
     center: Vector | None = field(default=None, metadata=member())
