@@ -7,6 +7,7 @@ use clap::{Args, Subcommand};
 use serde::de::DeserializeOwned;
 
 use super::device::DeviceArguments;
+use super::talk::remark;
 use super::{CliError, bench_implicit};
 use crate::bench::{self, BenchError, CASES, Row, Size};
 use gridfall_core::sim::setup::{Kernel, Precision};
@@ -56,7 +57,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let mut rows = Vec::new();
     let mut measure = |json: &str, case: &str, size: &str| -> Result<(), CliError> {
         let problem = bench::problem(json).map_err(|e| failed(e, case))?;
-        eprintln!("{case} {size}: {} particles", problem.particles.len());
+        remark(format_args!("{case} {size}: {} particles", problem.particles.len()));
         let row = bench::measure(&devices, &problem, case, size).map_err(|e| failed(e, case))?;
         if !arguments.json {
             print(&row);

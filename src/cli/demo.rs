@@ -14,8 +14,8 @@ use tokio::sync::oneshot;
 use ureq::Agent;
 
 use super::device::DeviceArguments;
-use super::run::bar;
 use super::serve::{opener, runtime};
+use super::talk::bar;
 use super::{CliError, interrupt};
 use gridfall_service::http::{self, Config, Options};
 use gridfall_service::jobs::Settings;

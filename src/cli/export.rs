@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 
 use clap::{Args, ValueEnum};
 
-use super::run::bar;
+use super::talk::{bar, remark};
 use super::{CliError, interrupt};
 use gridfall_recording::export::{self, ExportError, Format, Selection, Series};
 use gridfall_recording::{FrameIndex, RecordingError};
@@ -161,7 +161,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     }
     if written > 0 {
         let frames = if written == 1 { "frame" } else { "frames" };
-        eprintln!("wrote {}: {written} {frames}, {points} points", target.said(format));
+        remark(format_args!("wrote {}: {written} {frames}, {points} points", target.said(format)));
     }
     outcome
 }

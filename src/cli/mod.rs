@@ -7,10 +7,13 @@ mod check;
 mod demo;
 mod device;
 mod export;
+mod init;
 mod interrupt;
+mod manual;
 mod run;
 mod schema;
 mod serve;
+mod talk;
 mod verify;
 
 use std::fmt;
@@ -24,6 +27,9 @@ use gridfall_scene::Fault;
 #[derive(Debug, Parser)]
 #[command(version, arg_required_else_help = true)]
 struct Arguments {
+    /// Say nothing but results and errors.
+    #[arg(short, long, global = true)]
+    quiet: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -31,6 +37,7 @@ struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Serve(serve::Arguments),
+    Init(init::Arguments),
     Run(run::Arguments),
     Check(check::Arguments),
     Demo(demo::Arguments),
@@ -39,12 +46,15 @@ enum Command {
     Bench(bench::Arguments),
     Verify(verify::Arguments),
     Schema(schema::Arguments),
+    Completions(manual::CompletionArguments),
+    Man(manual::ManArguments),
 }
 
 impl Command {
     fn execute(self) -> Result<(), CliError> {
         match self {
             Self::Serve(arguments) => serve::execute(arguments),
+            Self::Init(arguments) => init::execute(arguments),
             Self::Run(arguments) => run::execute(arguments),
             Self::Check(arguments) => check::execute(arguments),
             Self::Demo(arguments) => demo::execute(arguments),
@@ -53,6 +63,8 @@ impl Command {
             Self::Bench(arguments) => bench::execute(arguments),
             Self::Verify(arguments) => verify::execute(arguments),
             Self::Schema(arguments) => schema::execute(arguments),
+            Self::Completions(arguments) => manual::completions(arguments),
+            Self::Man(arguments) => manual::man(arguments),
         }
     }
 }
@@ -61,7 +73,11 @@ impl Command {
 /// bad input.
 pub fn main() -> ExitCode {
     return_large_arrays();
-    match Arguments::parse().command.execute() {
+    let arguments = Arguments::parse();
+    if arguments.quiet {
+        talk::be_quiet();
+    }
+    match arguments.command.execute() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("{error}");

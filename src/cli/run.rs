@@ -5,13 +5,14 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::device::DeviceArguments;
+use super::talk::{bar, remark};
 use super::{CliError, interrupt};
 use gridfall_core::sim::setup::{Problem, Setup};
 use gridfall_engine::choice::Devices;
@@ -76,9 +77,9 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let mut engine = devices.engine(&setup, particles).map_err(device_failure)?;
     let backend = engine.backend().clone();
     let particles = setup.total_particles();
-    eprintln!("{}: {particles} particles, {} frames; {}", scene.name, setup.frames, describe(&backend));
-    eprintln!("{}", integration(&setup));
-    setup.notices.iter().for_each(|notice| eprintln!("notice: {}", shown(&notice.to_string())));
+    remark(format_args!("{}: {particles} particles, {} frames; {}", scene.name, setup.frames, describe(&backend)));
+    remark(integration(&setup));
+    setup.notices.iter().for_each(|notice| remark(format_args!("notice: {}", shown(&notice.to_string()))));
 
     let interrupted = interrupt::flag().map_err(|error| CliError::Failed(error.to_string()))?;
     let started = Instant::now();
@@ -115,15 +116,15 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         });
         println!("{report:#}");
     } else {
-        eprintln!(
+        remark(format_args!(
             "wrote {} ({} frames, {} steps, {wall_s:.1} s, {:.2} M particle-steps/s)",
             outputs.recording.display(),
             summary.frames_written,
             summary.steps,
             speed / 1e6
-        );
+        ));
         if let Some(state) = &outputs.state {
-            eprintln!("wrote {}, for a scene to start with", state.display());
+            remark(format_args!("wrote {}, for a scene to start with", state.display()));
         }
     }
     Ok(())
@@ -180,14 +181,6 @@ pub fn describe(backend: &Backend) -> String {
 /// How the problem is integrated, and why.
 pub fn integration(setup: &Setup) -> String {
     format!("{}: {}", setup.integrator.name(), setup.integrator_reason)
-}
-
-/// A progress bar on standard error; `None` when that is not a terminal.
-pub fn bar(length: u64) -> ProgressBar {
-    let template = "[{elapsed_precise}] {bar:40} {pos}/{len} {msg} eta {eta}";
-    let bar = ProgressBar::new(length).with_style(ProgressStyle::with_template(template).expect("a valid template"));
-    bar.enable_steady_tick(Duration::from_millis(200));
-    bar
 }
 
 struct Progress {

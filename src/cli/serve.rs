@@ -9,6 +9,7 @@ use clap::{Args, ValueEnum};
 use tracing_subscriber::EnvFilter;
 
 use super::device::{DeviceArguments, ServerDevices};
+use super::talk::is_quiet;
 use super::{CliError, interrupt};
 use gridfall_engine::choice::Devices;
 use gridfall_service::http::{self, Config, Options};
@@ -76,14 +77,10 @@ pub struct Arguments {
     /// How to log on standard error.
     #[arg(long, value_enum, default_value_t = LogFormat::Text, env = "GRIDFALL_LOG_FORMAT")]
     log_format: LogFormat,
-    /// What to log, such as `debug` or `warn,gridfall=info`.
-    #[arg(
-        long,
-        default_value = "warn,gridfall=info,gridfall_service=info",
-        value_name = "FILTER",
-        env = "GRIDFALL_LOG"
-    )]
-    log: String,
+    /// What to log, such as `debug` or `warn,gridfall=info` [default: warn,gridfall=info,gridfall_service=info, with
+    /// --quiet warn].
+    #[arg(long, value_name = "FILTER", env = "GRIDFALL_LOG")]
+    log: Option<String>,
     /// Remove jobs and their files this many days after their end. Without, they are kept for ever.
     #[arg(long, value_name = "N", env = "GRIDFALL_KEEP_DAYS", value_parser = clap::value_parser!(u32).range(1..))]
     keep_days: Option<u32>,
@@ -159,8 +156,10 @@ enum LogFormat {
 }
 
 fn start_logs(arguments: &Arguments) -> Result<(), CliError> {
-    let filter = EnvFilter::try_new(&arguments.log).map_err(|error| {
-        CliError::BadInput(format!("--log {}: {error}; write a level such as `info`, or module=level", arguments.log))
+    let usual = if is_quiet() { "warn" } else { "warn,gridfall=info,gridfall_service=info" };
+    let log = arguments.log.as_deref().unwrap_or(usual);
+    let filter = EnvFilter::try_new(log).map_err(|error| {
+        CliError::BadInput(format!("--log {log}: {error}; write a level such as `info`, or module=level"))
     })?;
     let logs = tracing_subscriber::fmt()
         .with_env_filter(filter)

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::CliError;
 use super::device::DeviceArguments;
+use super::talk::remark;
 use crate::verify::{self, CASES, Case, Curve, Extent, Row, Target};
 use gridfall_engine::choice::{Choice, Devices};
 use gridfall_recording::provenance;
@@ -82,8 +83,8 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let (mut rows, mut curves) = (Vec::new(), Vec::new());
     for case in CASES.iter().filter(|c| arguments.cases.is_empty() || arguments.cases.contains(&c.name)) {
         let started = Instant::now();
-        let outcome = verify::run(case, &devices, &targets, extent, &|line| eprintln!("{line}"));
-        eprintln!("{}: {:.1} s", case.name, started.elapsed().as_secs_f64());
+        let outcome = verify::run(case, &devices, &targets, extent, &|line| remark(line));
+        remark(format_args!("{}: {:.1} s", case.name, started.elapsed().as_secs_f64()));
         if !arguments.json && !outcome.rows.is_empty() {
             describe(case);
             outcome.rows.iter().for_each(print);
