@@ -6,6 +6,7 @@
 //! `validate` alone.
 
 mod bounds;
+mod reference;
 mod variants;
 
 use std::collections::BTreeSet;
@@ -21,6 +22,8 @@ enum Reader {
     /// out.
     Generator,
 }
+
+pub use reference::page as reference_page;
 
 /// Identifies the schema of this version of the format.
 const ID: &str = "urn:gridfall:schema:scene:1";

@@ -22,6 +22,7 @@ pub struct Scene {
     pub schema: Option<String>,
     /// Version of the scene format; 1.
     pub gridfall: u32,
+    /// What the scene, and by default its jobs, are called.
     pub name: String,
     /// One line on what to look for in the result.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -29,11 +30,14 @@ pub struct Scene {
     /// 2 (plane strain) or 3.
     #[serde(default = "default_dimension")]
     pub dimension: u32,
+    /// Where it takes place, and on what grid.
     pub domain: Domain,
     /// Gravitational acceleration (m/s²); defaults to zero.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity: Option<Vector>,
+    /// Materials by name; bodies and sources name them.
     pub materials: BTreeMap<String, Material>,
+    /// What moves by its own laws.
     pub bodies: Vec<Body>,
     /// What the run begins with instead of the bodies' first state: the last state of another run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -41,13 +45,18 @@ pub struct Scene {
     /// Shapes that emit material.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sources: Vec<Source>,
+    /// Rigid obstacles.
     #[serde(default)]
     pub colliders: Vec<Collider>,
+    /// How long it lasts, and how often it is recorded.
     pub time: Time,
+    /// How it is computed.
     #[serde(default)]
     pub solver: Solver,
+    /// What is recorded.
     #[serde(default)]
     pub output: Output,
+    /// Of everything that is drawn at random; the same seed gives the same run.
     #[serde(default = "default_seed")]
     pub seed: u64,
 }

@@ -1044,34 +1044,40 @@ class Scene(Part):
 
     Fields:
     - schema_: Where the JSON Schema is, for editors; nothing depends on it.
-    - bodies
-    - colliders: Optional.
+    - bodies: What moves by its own laws.
+    - colliders: Rigid obstacles.
     - description: One line on what to look for in the result.
     - dimension: 2 (plane strain) or 3. Default: 3.
-    - domain
+    - domain: Where it takes place, and on what grid.
     - gravity: Gravitational acceleration (m/s²); defaults to zero.
     - gridfall: Version of the scene format; 1.
-    - materials
-    - name
-    - output: Optional.
-    - seed: Default: 1.
-    - solver: Optional.
+    - materials: Materials by name; bodies and sources name them.
+    - name: What the scene, and by default its jobs, are called.
+    - output: What is recorded.
+    - seed: Of everything that is drawn at random; the same seed gives the same run. Default: 1.
+    - solver: How it is computed.
     - sources: Shapes that emit material.
     - start: What the run begins with instead of the bodies' first state: the last state of another run.
-    - time
+    - time: How long it lasts, and how often it is recorded.
     """
 
     known = True
     bodies: Sequence[Body | Json] = field(metadata=member(of="[Body]"))
+    """What moves by its own laws."""
     domain: Domain | Json = field(metadata=member(of="Domain"))
+    """Where it takes place, and on what grid."""
     gridfall: int = field(default=1, metadata=member())
     """Version of the scene format; 1."""
     materials: Mapping[str, MaterialPart | Json] = field(metadata=member(of="{Material}"))
+    """Materials by name; bodies and sources name them."""
     name: str = field(metadata=member())
+    """What the scene, and by default its jobs, are called."""
     time: Time | Json = field(metadata=member(of="Time"))
+    """How long it lasts, and how often it is recorded."""
     schema_: str | None = field(default=None, metadata=member(key="$schema"))
     """Where the JSON Schema is, for editors; nothing depends on it."""
     colliders: Sequence[Collider | Json] | None = field(default=None, metadata=member(of="[Collider]"))
+    """Rigid obstacles."""
     description: str | None = field(default=None, metadata=member())
     """One line on what to look for in the result."""
     dimension: int | None = field(default=None, metadata=member())
@@ -1079,8 +1085,11 @@ class Scene(Part):
     gravity: Vector | None = field(default=None, metadata=member())
     """Gravitational acceleration (m/s²); defaults to zero."""
     output: Output | Json | None = field(default=None, metadata=member(of="Output"))
+    """What is recorded."""
     seed: int | None = field(default=None, metadata=member())
+    """Of everything that is drawn at random; the same seed gives the same run."""
     solver: Solver | Json | None = field(default=None, metadata=member(of="Solver"))
+    """How it is computed."""
     sources: Sequence[Source | Json] | None = field(default=None, metadata=member(of="[Source]"))
     """Shapes that emit material."""
     start: StartState | Json | None = field(default=None, metadata=member(of="StartState"))

@@ -1,0 +1,161 @@
+//! The pages of the guide, their order and their addresses.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::sync::OnceLock;
+
+use super::render::{self, escape};
+
+// Paths in `docs/`, and contents.
+include!(concat!(env!("OUT_DIR"), "/guide.rs"));
+
+const FRAME: &str = include_str!("page.html");
+
+/// A line of the table of contents.
+#[derive(Debug, PartialEq)]
+enum Entry {
+    Part(String),
+    /// A page, with its path in `docs/`.
+    Page {
+        title: String,
+        path: String,
+    },
+}
+
+/// All pages as HTML, by their addresses below `/docs/guide/`.
+pub struct Book {
+    pages: BTreeMap<String, String>,
+}
+
+impl Book {
+    pub fn get() -> &'static Self {
+        static BOOK: OnceLock<Book> = OnceLock::new();
+        BOOK.get_or_init(Self::bind)
+    }
+
+    pub fn page(&self, address: &str) -> Option<&str> {
+        self.pages.get(address).map(String::as_str)
+    }
+
+    pub fn picture(&self, address: &str) -> Option<&'static [u8]> {
+        PICTURES.iter().find(|(path, _)| self::address(path) == address).map(|(_, picture)| *picture)
+    }
+
+    fn bind() -> Self {
+        let contents = contents(source("SUMMARY.md").expect("the book has a table of contents"));
+        let pages: Vec<(&str, &str)> = contents
+            .iter()
+            .filter_map(|entry| match entry {
+                Entry::Page { title, path } => Some((title.as_str(), path.as_str())),
+                Entry::Part(_) => None,
+            })
+            .collect();
+        let bound = pages.iter().enumerate().map(|(n, &(title, path))| {
+            let text = source(path).unwrap_or_else(|| panic!("the contents name {path}, which is not there"));
+            let turn = |word: &str, to: Option<&(&str, &str)>| match to {
+                Some((title, path)) => {
+                    format!("<a href=\"{}\">{word}{}</a>", href(path), escape(title))
+                }
+                None => "<span></span>".into(),
+            };
+            let page = FRAME
+                .replace("{title}", &escape(title))
+                .replace("{contents}", &list(&contents, path))
+                .replace("{before}", &turn("← ", n.checked_sub(1).and_then(|n| pages.get(n))))
+                .replace("{after}", &turn("", pages.get(n + 1)))
+                .replace("{page}", &render::html(text, path));
+            (address(path), page)
+        });
+        Self { pages: bound.collect() }
+    }
+}
+
+/// The text of a page.
+pub fn source(path: &str) -> Option<&'static str> {
+    PAGES.iter().find(|(known, _)| *known == path).map(|(_, text)| *text)
+}
+
+pub fn has_picture(path: &str) -> bool {
+    PICTURES.iter().any(|(known, _)| *known == path)
+}
+
+/// Where a file of `docs/` is served, below `/docs/guide/`.
+fn address(path: &str) -> String {
+    let page = path.strip_suffix(".md").unwrap_or(path);
+    let page = page.strip_prefix("guide/").unwrap_or(page);
+    if page == "README" { String::new() } else { page.to_owned() }
+}
+
+pub fn href(path: &str) -> String {
+    format!("/docs/guide/{}", address(path))
+}
+
+/// Reads a table of contents as mdBook has it.
+fn contents(summary: &str) -> Vec<Entry> {
+    let entry = |line: &str| {
+        let line = line.trim();
+        if let Some(part) = line.strip_prefix("# ") {
+            return Some(Entry::Part(part.to_owned()));
+        }
+        let (title, path) = line.trim_start_matches("- ").strip_prefix('[')?.strip_suffix(')')?.split_once("](")?;
+        Some(Entry::Page { title: title.to_owned(), path: path.trim_start_matches("./").to_owned() })
+    };
+    // The first heading is that of the list.
+    summary.lines().filter_map(entry).filter(|entry| *entry != Entry::Part("Summary".into())).collect()
+}
+
+fn list(contents: &[Entry], current: &str) -> String {
+    let mut html = String::from("<ul>");
+    for entry in contents {
+        let _ = match entry {
+            Entry::Part(part) => write!(html, "</ul>\n<h2>{}</h2>\n<ul>", escape(part)),
+            Entry::Page { title, path } => {
+                let here = if path == current { " aria-current=\"page\"" } else { "" };
+                write!(html, "<li><a href=\"{}\"{here}>{}</a></li>", href(path), escape(title))
+            }
+        };
+    }
+    (html + "</ul>").replace("<ul></ul>", "")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_page_is_in_the_contents_and_every_link_leads_somewhere() {
+        let book = Book::get();
+        for (path, _) in PAGES.iter().filter(|(path, _)| *path != "SUMMARY.md") {
+            assert!(book.page(&address(path)).is_some(), "docs/SUMMARY.md lacks {path}");
+        }
+        for (address, page) in &book.pages {
+            let values = ["href=\"", "src=\""].map(|mark| page.split(mark).skip(1));
+            for link in values.into_iter().flatten().filter_map(|rest| rest.split('"').next()) {
+                let (target, anchor) = link.split_once('#').unwrap_or((link, ""));
+                let Some(target) = target.strip_prefix("/docs/guide/") else {
+                    assert!(
+                        target.is_empty() && page.contains(&format!("id=\"{anchor}\""))
+                            || ["http", "/dashboard/", "/v1/library/"].iter().any(|start| target.starts_with(start))
+                            || target == "/"
+                            || target == "/docs/",
+                        "{address}: {link}"
+                    );
+                    continue;
+                };
+                if target == "style.css" || book.picture(target).is_some() {
+                    continue;
+                }
+                let found = book.page(target).unwrap_or_else(|| panic!("{address}: no page {link}"));
+                assert!(anchor.is_empty() || found.contains(&format!("id=\"{anchor}\"")), "{address}: {link}");
+            }
+            assert!(!page.contains("style=\""), "{address} has a style that the policy forbids");
+        }
+    }
+
+    #[test]
+    fn contents_have_parts_and_pages() {
+        let read = contents("# Summary\n\n[First](guide/README.md)\n\n# Part\n\n- [Page](./a.md)\n");
+        let page = |title: &str, path: &str| Entry::Page { title: title.into(), path: path.into() };
+        assert_eq!(read, [page("First", "guide/README.md"), Entry::Part("Part".into()), page("Page", "a.md")]);
+    }
+}

@@ -1,0 +1,61 @@
+//! The guide at `/docs/guide`: the pages of `docs/`, in the order of `docs/SUMMARY.md`. The same files are an mdBook.
+
+mod book;
+mod render;
+
+use axum::Router;
+use axum::extract::Path;
+use axum::http::{HeaderMap, HeaderValue, Method, Uri, header};
+use axum::response::{IntoResponse, Redirect, Response};
+use axum::routing::get;
+
+use super::super::conditional::Version;
+use super::super::layers::route_not_found;
+use super::super::problem::Problem;
+use super::super::state::Api;
+use super::super::submission::sha256_hex;
+use book::Book;
+
+/// Styles and pictures from this server, and nothing else.
+const POLICY: &str = "default-src 'none'; style-src 'self'; img-src 'self'; base-uri 'none'; form-action 'none'; \
+                      frame-ancestors 'none'";
+const STYLE: &str = include_str!("style.css");
+
+/// The routes of the guide's pages and pictures.
+pub fn routes() -> Router<Api> {
+    Router::new()
+        .route("/docs/guide", get(|| async { Redirect::permanent("/docs/guide/") }))
+        .route("/docs/guide/", get(first))
+        .route("/docs/guide/{*page}", get(page))
+}
+
+async fn first(uri: Uri, headers: HeaderMap) -> Result<Response, Problem> {
+    page(Path(String::new()), uri, headers).await
+}
+
+async fn page(Path(name): Path<String>, uri: Uri, headers: HeaderMap) -> Result<Response, Problem> {
+    if name == "style.css" {
+        return send("text/css; charset=utf-8", STYLE.as_bytes(), &headers);
+    }
+    let book = Book::get();
+    if let Some(page) = book.page(&name) {
+        return send("text/html; charset=utf-8", page.as_bytes(), &headers);
+    }
+    match book.picture(&name) {
+        Some(picture) => send("image/png", picture, &headers),
+        None => Err(route_not_found(uri).await),
+    }
+}
+
+fn send(kind: &'static str, content: &'static [u8], headers: &HeaderMap) -> Result<Response, Problem> {
+    let version = Version::of_tag(format!("\"{}\"", &sha256_hex(content)[..32]));
+    let mut answer = match version.judge(&Method::GET, headers)? {
+        Some(answer) => answer,
+        None => ([(header::CONTENT_TYPE, kind)], content).into_response(),
+    };
+    version.write(answer.headers_mut());
+    let policy = HeaderValue::from_static(POLICY);
+    answer.headers_mut().insert(header::CONTENT_SECURITY_POLICY, policy);
+    answer.headers_mut().insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+    Ok(answer)
+}

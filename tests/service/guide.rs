@@ -1,0 +1,125 @@
+//! The guide in `docs/guide` does what it says: its commands run, page by page, and its JSON is valid.
+//!
+//! Blocks are marked: `sh` and `python` run in order, `sh server` runs beside the others to the end of the page, `json
+//! patch` is merged into the quickstart scene, `console` is for machines that the tests do not have.
+
+use std::fmt::Write;
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use gridfall_scene::{self as scene, Limits};
+use serde_json::Value;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+
+/// Name of a page, and its blocks with what they are marked as.
+type Page = (String, Vec<(String, String)>);
+
+fn pages() -> Vec<Page> {
+    let mut paths: Vec<PathBuf> =
+        std::fs::read_dir(Path::new(ROOT).join("docs/guide")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|end| end == "md"));
+    paths.sort();
+    paths
+        .iter()
+        .map(|path| {
+            let text = std::fs::read_to_string(path).unwrap();
+            let block = |part: &str| {
+                let (mark, code) = part.split_once('\n').unwrap();
+                (mark.trim().to_owned(), code.to_owned())
+            };
+            let blocks = text.split("```").skip(1).step_by(2).map(block).collect();
+            (path.file_stem().unwrap().to_str().unwrap().to_owned(), blocks)
+        })
+        .collect()
+}
+
+/// A page's commands as one script for bash.
+fn script(blocks: &[(String, String)], port: u16) -> String {
+    let mut script = String::from("set -euo pipefail\ntrap 'kill $(jobs -p) 2>/dev/null || true; wait' EXIT\n");
+    for (mark, code) in blocks {
+        let _ = match mark.as_str() {
+            "sh" => writeln!(script, "{code}"),
+            "sh server" => writeln!(
+                script,
+                "{} &\nuntil curl -sf localhost:8080/readyz >/dev/null; do sleep 0.1; done",
+                code.trim()
+            ),
+            "python" => writeln!(script, "\"$GUIDE_PYTHON\" - <<'END'\n{code}END"),
+            "console" | "json patch" => continue,
+            other => panic!("a block is marked {other:?}, which tests/service/guide.rs does not know"),
+        };
+    }
+    script.replace("8080", &port.to_string())
+}
+
+fn run(name: &str, script: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let program = Path::new(env!("CARGO_BIN_EXE_gridfall"));
+    let path = format!("{}:{}", program.parent().unwrap().display(), std::env::var("PATH").unwrap());
+    let python = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap().join("python/bin/python");
+    let ran = Command::new("bash")
+        .args(["-c", script])
+        .current_dir(folder.path())
+        .env("PATH", path)
+        .env("GRIDFALL_BINARY", program)
+        .env("GUIDE_PYTHON", python)
+        .env("PYTHONPATH", Path::new(ROOT).join("clients/python/src"))
+        .env("PYTHONDONTWRITEBYTECODE", "1")
+        .output()
+        .unwrap();
+    let said = format!("{}{}", String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));
+    println!("== {name}\n{said}");
+    assert!(ran.status.success(), "docs/guide/{name}.md: {}\n{said}\n{script}", ran.status);
+}
+
+#[test]
+fn the_commands_of_every_page_run() {
+    let mut run_pages = 0;
+    for (name, blocks) in pages() {
+        if !blocks.iter().any(|(mark, _)| mark.starts_with("sh") || mark == "python") {
+            continue;
+        }
+        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        run(&name, &script(&blocks, port));
+        run_pages += 1;
+    }
+    assert!(run_pages >= 6, "only {run_pages} pages have commands");
+}
+
+#[test]
+fn the_fragments_of_scenes_are_valid() {
+    let text = std::fs::read_to_string(Path::new(ROOT).join("scenes/quickstart.json")).unwrap();
+    let mut patched = 0;
+    for (name, blocks) in pages() {
+        for (_, code) in blocks.iter().filter(|(mark, _)| mark == "json patch") {
+            let mut document: Value = serde_json::from_str(&text).unwrap();
+            let patch = serde_json::from_str(code).unwrap_or_else(|error| panic!("docs/guide/{name}.md: {error}"));
+            merge(&mut document, patch);
+            let judged = scene::from_value(&document).and_then(|scene| scene::problem(&scene, &Limits::default()));
+            assert!(judged.is_ok(), "docs/guide/{name}.md: {:?}\n{code}", judged.err());
+            patched += 1;
+        }
+    }
+    assert!(patched >= 2, "only {patched} fragments");
+}
+
+/// RFC 7396.
+fn merge(target: &mut Value, patch: Value) {
+    match (target, patch) {
+        (Value::Object(target), Value::Object(patch)) => {
+            patch.into_iter().for_each(|(key, value)| merge(target.entry(key).or_insert(Value::Null), value));
+        }
+        (target, patch) => *target = patch,
+    }
+}
+
+#[test]
+fn the_reference_of_scenes_is_current() {
+    let kept = std::fs::read_to_string(Path::new(ROOT).join("docs/guide/scene.md")).unwrap();
+    assert!(
+        kept == scene::contract::reference_page(),
+        "docs/guide/scene.md is out of date: run `gridfall schema reference > docs/guide/scene.md`"
+    );
+}
