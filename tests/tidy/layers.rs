@@ -30,6 +30,7 @@ pub const SCENE: &[Layer] = &[
     ("overrides", &["fault"]),
     ("size", &["fault"]),
     ("structure", &["schema", "fault", "suggest"]),
+    ("presets", &["schema", "fault", "suggest", "structure"]),
     ("mesh", &["schema"]),
     ("npz", &["vectors"]),
     ("points", &["mesh", "npz"]),
@@ -44,7 +45,7 @@ pub const SCENE: &[Layer] = &[
         &["names", "schema", "fault", "limits", "suggest", "vectors", "memory", "sampling", "grid", "shape", "resolve"],
     ),
     ("build", &["schema", "vectors", "grid", "shape", "resolve"]),
-    ("contract", &["structure", "validate"]),
+    ("contract", &["structure", "presets", "validate"]),
     ("estimate", &["memory"]),
 ];
 
