@@ -8,6 +8,7 @@ mod demo;
 mod device;
 mod export;
 mod interrupt;
+mod material;
 mod run;
 mod schema;
 mod serve;
@@ -33,6 +34,7 @@ enum Command {
     Serve(serve::Arguments),
     Run(run::Arguments),
     Check(check::Arguments),
+    Material(material::Arguments),
     Demo(demo::Arguments),
     Export(export::Arguments),
     Adapters(adapters::Arguments),
@@ -47,6 +49,7 @@ impl Command {
             Self::Serve(arguments) => serve::execute(arguments),
             Self::Run(arguments) => run::execute(arguments),
             Self::Check(arguments) => check::execute(arguments),
+            Self::Material(arguments) => material::execute(arguments),
             Self::Demo(arguments) => demo::execute(arguments),
             Self::Export(arguments) => export::execute(arguments),
             Self::Adapters(arguments) => adapters::execute(arguments),

@@ -8,7 +8,8 @@ use super::CliError;
 use gridfall_scene as scene;
 use gridfall_service::http;
 
-/// Print the JSON Schema of scenes, the OpenAPI document of the server, or what its error codes mean (Markdown).
+/// Print the JSON Schema of scenes, the OpenAPI document of the server, what its error codes mean, or the presets of
+/// materials (Markdown).
 #[derive(Debug, Args)]
 pub struct Arguments {
     #[arg(value_enum)]
@@ -20,6 +21,7 @@ enum What {
     Scene,
     Openapi,
     Errors,
+    Materials,
 }
 
 pub fn execute(arguments: Arguments) -> Result<(), CliError> {
@@ -27,6 +29,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         What::Scene => scene::contract::json_schema(),
         What::Openapi => http::document_json(),
         What::Errors => http::error_codes(),
+        What::Materials => scene::presets::page::markdown(),
     };
     match io::stdout().write_all(document.as_bytes()) {
         // A reader such as `head` may close the pipe early.

@@ -44,11 +44,11 @@ mod vectors;
 pub use fault::Fault;
 pub use limits::Limits;
 pub use names::{hidden, shown};
-pub use schema::Scene;
+pub use schema::{Scene, SceneMaterial};
 
 use gridfall_core::sim::cost;
 use gridfall_core::sim::setup::{Integrator, Problem};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use assets::{Assets, NoAssets};
 use fault::Faults;
@@ -103,6 +103,33 @@ fn read(document: &mut Value) -> Result<Scene, Vec<Fault>> {
     }
     validate::check(&scene, &Resolved::default(), &Limits::default(), &mut faults);
     Err(as_written(&scene, faults.into_vec()))
+}
+
+/// Reads a material as it would stand in a scene, a preset or one with a model, after `field=value`
+/// overrides. Faults have pointers in the material.
+pub fn material(document: &Value, overrides: &[String]) -> Result<SceneMaterial, Vec<Fault>> {
+    const AT: &str = "/materials/material";
+    // The smallest scene there is.
+    let mut scene = json!({
+        "gridfall": 1, "name": "material", "domain": { "min": [0, 0, 0], "max": [4, 4, 4], "dx": 1 },
+        "materials": { "material": document },
+        "bodies": [{ "name": "element", "material": "material",
+                     "shape": { "box": { "min": [1, 1, 1], "max": [2, 2, 2] } } }],
+        "time": { "end": 1, "frame_rate": 1 },
+    });
+    let overrides: Vec<String> =
+        overrides.iter().map(|change| format!("{AT}/{}", change.trim_start().trim_start_matches('/'))).collect();
+    let judged = from_value_with(&mut scene, &overrides).and_then(|mut scene| {
+        check(&scene, &Limits::default())?;
+        Ok(scene.materials.remove("material").expect("it was there"))
+    });
+    judged.map_err(|mut faults| {
+        for fault in &mut faults {
+            fault.pointer = fault.pointer.strip_prefix(AT).unwrap_or(&fault.pointer).to_owned();
+            fault.reason = fault.reason.replace(&format!("{AT}/"), "");
+        }
+        faults
+    })
 }
 
 /// Faults with the pointers of the document as it was written.

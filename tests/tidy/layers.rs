@@ -114,7 +114,8 @@ pub const RECORDING: &[Layer] = &[
 
 pub const SERVICE: &[Layer] = &[("store", &[]), ("jobs", &["store"]), ("http", &["store", "jobs"])];
 
-pub const ROOT: &[Layer] = &[("bench", &[]), ("verify", &[]), ("cli", &["bench", "verify"])];
+pub const ROOT: &[Layer] =
+    &[("bench", &[]), ("laboratory", &[]), ("verify", &[]), ("cli", &["bench", "laboratory", "verify"])];
 
 /// Crates that only some folders may name.
 pub const OWNED: &[(&str, &[&str])] = &[

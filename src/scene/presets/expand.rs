@@ -28,7 +28,8 @@ pub(crate) fn expand(document: &mut Value, faults: &mut Faults) -> Homes {
 fn expand_one(material: &mut Value, at: &str) -> Result<(), Fault> {
     let Some(fields) = material.as_object_mut() else { return Ok(()) };
     let Some(given) = fields.remove("preset") else { return Ok(()) };
-    let fault = |field: &str, code, reason: String, remedy: String| Fault { pointer: join(at, field), code, reason, remedy };
+    let fault =
+        |field: &str, code, reason: String, remedy: String| Fault { pointer: join(at, field), code, reason, remedy };
     let Some(name) = given.as_str() else {
         let remedy = "write the name of a preset; `gridfall material` lists them";
         return Err(fault("preset", "wrong_type", "is not the name of a preset".into(), remedy.into()));

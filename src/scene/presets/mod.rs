@@ -11,7 +11,7 @@ mod expand;
 mod inline;
 mod liquids;
 mod metals;
-mod page;
+pub mod page;
 mod snow;
 mod soils;
 pub mod sources;
@@ -103,12 +103,34 @@ pub fn suggestion(name: &str) -> String {
     }
 }
 
+/// All presets with their materials, values and sources.
+pub fn json() -> Value {
+    let value = |quantity: &Quantity| {
+        let sources: Vec<&str> = quantity.sources.iter().map(|source| source.key).collect();
+        json!({ "field": quantity.field, "value": quantity.value, "usual": quantity.typical, "sources": sources,
+            "note": quantity.note, "real": quantity.real })
+    };
+    let preset = |(group, preset): (&str, &Preset)| {
+        let values: Vec<Value> = preset.values.iter().map(value).collect();
+        let sources: Map<String, Value> =
+            preset.sources().iter().map(|source| (source.key.to_owned(), json!(source.text))).collect();
+        json!({ "name": preset.name, "title": preset.title, "group": group, "about": preset.about,
+            "limits": preset.limits, "material": preset.document(), "values": values, "sources": sources })
+    };
+    grouped().map(preset).collect()
+}
+
 impl Preset {
     /// The members of its material, `model` first.
     fn members(&self) -> Map<String, Value> {
         let mut members = Map::from_iter([("model".to_owned(), json!(self.model))]);
         members.extend(self.values.iter().map(|quantity| (quantity.field.to_owned(), json!(quantity.value))));
         members
+    }
+
+    /// Its material as JSON, with what its model has by default.
+    pub fn document(&self) -> Value {
+        serde_json::to_value(self.material()).expect("a material is plain data")
     }
 
     /// Its material.
@@ -150,8 +172,8 @@ pub(crate) fn notices(scene: &Scene) -> Vec<Notice> {
                     sound / 10.0
                 ),
                 remedy: format!(
-                    "for faster flows or columns above {:.1} m write `{}`: 100 times density times the square of the \
-                     largest speed",
+                    "for faster flows, or columns above {:.1} m, write `{}`: 100 times the density times the square \
+                     of the largest speed",
                     sound * sound / 100.0 / (2.0 * 9.81),
                     quantity.field
                 ),

@@ -38,8 +38,7 @@ pub const PRESETS: &[Preset] = &[
             q("friction_angle_degrees", 43.0, [38.0, 46.0], &[BOLTON])
                 .note("33° + 3 I_R, I_R = 3.3 at a relative density of 0.8 and 100 kPa"),
             q("cohesion", 0.0, [0.0, 0.0], &[BOLTON]),
-            q("dilatancy_angle_degrees", 12.5, [8.0, 20.0], &[BOLTON])
-                .note("what is above 33° is 0.8 ψ: 10°/0.8"),
+            q("dilatancy_angle_degrees", 12.5, [8.0, 20.0], &[BOLTON]).note("what is above 33° is 0.8 ψ: 10°/0.8"),
         ],
     },
     Preset {

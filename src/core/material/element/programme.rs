@@ -33,7 +33,7 @@ impl Test {
     }
 
     /// Length by the length at the start, at a strain as the test counts it.
-    pub(super) fn stretch(self, strain: f64) -> f64 {
+    pub fn stretch(self, strain: f64) -> f64 {
         1.0 + self.sign() * strain
     }
 
@@ -71,8 +71,13 @@ impl Programme {
             Test::Uniaxial | Test::Oedometer => false,
         };
         let pressure = USUAL_PRESSURE.min(modulus(material) / 100.0);
-        let mut programme =
-            Self { test, strain: 0.0, confining_pressure: if pressed { pressure } else { 0.0 }, steps: STEPS, rate: 0.0 };
+        let mut programme = Self {
+            test,
+            strain: 0.0,
+            confining_pressure: if pressed { pressure } else { 0.0 },
+            steps: STEPS,
+            rate: 0.0,
+        };
         programme.strain = programme.usual_strain(material);
         programme
     }

@@ -33,7 +33,8 @@ fn programme(test: Test, strain: f64, confining_pressure: f64) -> Programme {
 }
 
 fn curve(material: &Material, test: Test, strain: f64, confining_pressure: f64) -> Vec<Point> {
-    run(material, &programme(test, strain, confining_pressure)).unwrap_or_else(|stuck| panic!("{material:?}: {stuck:?}"))
+    run(material, &programme(test, strain, confining_pressure))
+        .unwrap_or_else(|stuck| panic!("{material:?}: {stuck:?}"))
 }
 
 fn last(material: &Material, test: Test, strain: f64, confining_pressure: f64) -> Point {
@@ -178,7 +179,8 @@ fn an_oedometer_of_sand_has_the_pressures_of_its_angle() {
 
 #[test]
 fn clay_follows_its_ellipse_and_hardens() {
-    let clay = Nacc { density: 1000.0, youngs_modulus: E, poissons_ratio: NU, m: 1.2, beta: 0.0, xi: 5.0, alpha0: -0.01 };
+    let clay =
+        Nacc { density: 1000.0, youngs_modulus: E, poissons_ratio: NU, m: 1.2, beta: 0.0, xi: 5.0, alpha0: -0.01 };
     let (mu, lambda) = lame(&Material::Nacc(clay.clone()).elastic().unwrap());
     let kappa = lambda + 2.0 * mu / 3.0;
     for pressure in [5e3, 2e4] {
