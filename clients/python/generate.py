@@ -222,7 +222,7 @@ def preset(definitions: dict[str, Schema]) -> Schema:
         if name.endswith("Preset"):
             fields |= {key: inner for key, inner in each["properties"].items() if key not in fields}
     del fields["origin"]
-    described = "A material that people know. What is given beside its name, of its model's parameters, replaces its values."
+    described = "A material that people know. Parameters of its model that are given beside its name replace its own."
     return {"description": described, "properties": fields, "required": ["preset"]}
 
 

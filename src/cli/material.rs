@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::CliError;
 use super::run::read;
 use crate::laboratory::curve::{self, Measured};
-use crate::laboratory::fit::{self, Fit};
+use crate::laboratory::fit::{self, Fit, NoFit};
 use crate::laboratory::plot::{self, Panel, Series};
 use crate::laboratory::shown;
 use gridfall_core::material::element::{self, Point, Programme, Test};
@@ -126,7 +126,8 @@ fn tested(arguments: &Arguments, material: &Value, law: &Material, programme: &P
     }
     if arguments.json {
         let rows: Vec<Value> = points.iter().map(|point| json!(point.values())).collect();
-        let answer = json!({ "material": material, "test": programme.test.name(), "columns": Point::COLUMNS, "rows": rows,
+        let answer = json!({ "material": material, "test": programme.test.name(), "columns": Point::COLUMNS,
+            "rows": rows,
             "confining_pressure": programme.confining_pressure });
         return print(&format!("{answer:#}\n"));
     }
@@ -144,8 +145,12 @@ fn fitted(
     let name = path.display();
     let file = File::open(path).map_err(|error| CliError::BadInput(format!("cannot read {name}: {error}")))?;
     let measured = curve::read(file).map_err(|reason| CliError::BadInput(format!("{name}: {reason}")))?;
+    let refused = |why| match why {
+        NoFit::Asked(reason) => CliError::BadInput(reason),
+        NoFit::Ended(reason) => CliError::Failed(reason),
+    };
     let Fit { material: law, residual, parameters, curve, evaluations } =
-        fit::fit(law, programme, &measured, &arguments.parameters).map_err(CliError::Failed)?;
+        fit::fit(law, programme, &measured, &arguments.parameters).map_err(refused)?;
     let mut whole = material.clone();
     let fitted = serde_json::to_value(law).expect("a material is plain data");
     for (name, ..) in &parameters {
@@ -196,7 +201,7 @@ fn of_scene(path: &Path, place: &str) -> Result<Value, CliError> {
     let scene = scene::parse(&text).map_err(|faults| CliError::Faults { scene: name.to_string(), faults })?;
     let missing = || {
         CliError::BadInput(format!(
-            "{name} has no material at '{place}'; write #materials.NAME, #bodies.0 or #sources.0, and its materials are \
+            "{name} has no material at '{place}'; write #materials.NAME, #bodies.0 or #sources.0; its materials are \
              {}",
             scene.materials.keys().map(String::as_str).collect::<Vec<_>>().join(", ")
         ))

@@ -28,6 +28,15 @@ pub struct Fit {
     pub evaluations: u64,
 }
 
+/// Why there is no fit.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NoFit {
+    /// It cannot be done as it was asked for.
+    Asked(String),
+    /// The search did not come to an end.
+    Ended(String),
+}
+
 /// Iterations of one search for each parameter.
 const ITERATIONS: u64 = 150;
 /// Searches: each begins where the one before ended, with a new simplex.
@@ -43,42 +52,44 @@ pub fn fit(
     programme: &Programme,
     measured: &Measured,
     parameters: &[String],
-) -> Result<Fit, String> {
+) -> Result<Fit, NoFit> {
     let document = serde_json::to_value(material).expect("a material is plain data");
     let mut scales = Vec::new();
     for (n, name) in parameters.iter().enumerate() {
         let Some(value) = document[name.as_str()].as_f64() else {
             let known = scene::presets::page::parameters(material).join(", ");
             let model = document["model"].as_str().unwrap_or_default();
-            return Err(format!("the model {model} has no parameter '{name}'; it has {known}"));
+            let reason = format!("the model {model} has no parameter '{name}'; it has {known}");
+            return Err(NoFit::Asked(reason));
         };
         if parameters[..n].contains(name) {
-            return Err(format!("the parameter '{name}' is named twice"));
+            return Err(NoFit::Asked(format!("the parameter '{name}' is named twice")));
         }
         scales.push(Scale::new(name, value, measured));
     }
     if parameters.is_empty() || parameters.len() > measured.strain.len() {
-        return Err(format!("{} parameters for {} points", parameters.len(), measured.strain.len()));
+        let reason = format!("{} parameters for {} points", parameters.len(), measured.strain.len());
+        return Err(NoFit::Asked(reason));
     }
     let programme = Programme { strain: measured.end(), ..programme.clone() };
     let search = Search { document, parameters, scales: &scales, programme: &programme, measured, count: Cell::new(0) };
     let start: Vec<f64> = scales.iter().map(|scale| scale.coordinate(scale.start)).collect();
-    search.does_matter(&start)?;
+    search.does_matter(&start).map_err(NoFit::Asked)?;
     let mut best = start;
     let mut ended = false;
     for size in SEARCHES {
-        let (place, converged) = search.run(&best, size)?;
+        let (place, converged) = search.run(&best, size).map_err(NoFit::Ended)?;
         (best, ended) = (place, converged);
     }
-    let (material, curve) = search.curve(&best).ok_or("the search ended where the material has no curve")?;
+    let (material, curve) = search.curve(&best).ok_or(NoFit::Ended("the material has no curve there".into()))?;
     let residual = search.residual(&curve);
     if !ended {
-        return Err(format!(
+        return Err(NoFit::Ended(format!(
             "not converged after {} curves; the best is {} with a residual of {residual:.3e}: begin nearer to it \
              (--set), or fit fewer parameters",
             search.count.get(),
             search.describe(&best)
-        ));
+        )));
     }
     let values = scales.iter().zip(&best);
     let parameters = parameters.iter().zip(values);
@@ -292,7 +303,10 @@ mod tests {
         let measured = measure(&sand, &programme, &["q"], 0.0);
         let said = |names: &[&str]| {
             let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
-            fit(&sand, &programme, &measured, &names).unwrap_err()
+            match fit(&sand, &programme, &measured, &names).unwrap_err() {
+                NoFit::Asked(reason) => reason,
+                NoFit::Ended(reason) => panic!("{reason}"),
+            }
         };
         assert!(said(&["yield_stress"]).contains("mohr-coulomb has no parameter 'yield_stress'; it has"));
         assert!(said(&["density"]).contains("'density' changes nothing in q"));

@@ -73,9 +73,11 @@ fn draw(text: &mut String, title: &str, panels: &[Panel]) -> Result<(), Box<dyn 
             }
         }
         if panel.series.len() > 1 {
+            // Where the curves do not end.
+            let falls = points().last().is_some_and(|point| point.1 < 0.0);
             chart
                 .configure_series_labels()
-                .position(SeriesLabelPosition::LowerRight)
+                .position(if falls { SeriesLabelPosition::UpperRight } else { SeriesLabelPosition::LowerRight })
                 .background_style(WHITE.mix(0.8))
                 .label_font((FONT, 12))
                 .draw()?;

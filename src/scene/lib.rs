@@ -2,8 +2,9 @@
 //! [`gridfall_core::sim::setup::Problem`].
 //!
 //! A document passes through `document` (syntax), `overrides`, `presets` (materials made whole),
-//! `structure` (types and fields), `resolve` (files, sampled shapes), `validate` (meaning) and `build` (sampling). What `resolve`
-//! finds stays beside the document, in a table. A module uses only those before it in this list:
+//! `structure` (types and fields), `resolve` (files, sampled shapes), `validate` (meaning) and
+//! `build` (sampling). What `resolve` finds stays beside the document, in a table. A module uses only
+//! those before it in this list:
 //!
 //! ```text
 //! names, schema, fault, limits, suggest, vectors, memory

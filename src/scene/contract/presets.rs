@@ -25,9 +25,9 @@ pub fn add(definitions: &mut Map<String, Value>) {
     material["properties"]["preset"] = reference("PresetName");
     let models = models();
     let rules: Vec<Value> = models.iter().map(|(model, names)| rule(model, names)).collect();
-    material.insert("if".into(), json!({ "required": ["preset"] }));
+    material.insert("if".into(), json!({ "properties": { "preset": {} }, "required": ["preset"] }));
     material.insert("then".into(), json!({ "allOf": rules }));
-    material.insert("else".into(), json!({ "required": ["model"], "allOf": by_model }));
+    material.insert("else".into(), json!({ "properties": { "model": {} }, "required": ["model"], "allOf": by_model }));
     for (model, names) in models {
         let whole = format!("{}Material", pascal(model));
         let mut definition = definitions[&whole].clone();

@@ -6,8 +6,8 @@
 use super::sources::{CUFFEY, EUROCODE_1, EUROCODE_2, PETROVIC, SCHULSON};
 use super::{Preset, q};
 
-const LIMITS: &str = "It does not soften: strength stays where the real one cracks, so loads at first failure are right, \
-                      and what comes after is not. No rate, no creep.";
+const LIMITS: &str = "It does not soften: strength stays where the real one cracks, so loads at first failure are \
+                      right, and what comes after is not. No rate, no creep.";
 
 pub const PRESETS: &[Preset] = &[
     Preset {

@@ -90,8 +90,8 @@ pub const PRESETS: &[Preset] = &[
         title: "Soft foam",
         model: "neo-hookean",
         about: "Flexible open-cell polyurethane of 30 kg/m³, as in cushions.",
-        limits: "Right to about 5 % of compression. There cells buckle: the plateau and the stiffening at 60 % and more \
-                 are not there. No damping by air; `damping` may stand for it.",
+        limits: "Right to about 5 % of compression. There cells buckle: the plateau and the stiffening at 60 % and \
+                 more are not there. No damping by air; `damping` may stand for it.",
         values: &[
             q("density", 30.0, [20.0, 60.0], &[GIBSON]),
             q("youngs_modulus", 28e3, [10e3, 110e3], &[GIBSON]).note("45 MPa (30/1200)²"),

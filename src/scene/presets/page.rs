@@ -1,4 +1,4 @@
-//! The presets as a page: what `docs/MATERIALS.md` has between its marks, and what the program prints
+//! The presets as a page: what `docs/PRESETS.md` is, and what the program prints
 //! of one.
 
 use gridfall_core::material::parameters::Material;
@@ -7,17 +7,27 @@ use serde_json::Value;
 use super::{Preset, Quantity, grouped};
 use crate::structure::schema;
 
+const HEAD: &str = "\
+# Presets
+
+`gridfall schema materials` writes this page, from the table that the program has.
+[MATERIALS](MATERIALS.md) says how to use presets and what the parameters mean. Values are in SI
+units. *Usual* is the range in which such materials are found. *Really* is what the real material
+has, where the value is softer so that steps are affordable.
+
+";
+
 /// Tables of all presets in Markdown, and the list of sources.
 pub fn markdown() -> String {
-    let mut text = String::new();
+    let mut text = HEAD.to_owned();
     let mut sources: Vec<super::Source> = Vec::new();
     let mut group = "";
     for (of, preset) in grouped() {
         if of != group {
             group = of;
-            text += &format!("### {group}\n\n");
+            text += &format!("## {group}\n\n");
         }
-        text += &format!("#### `{}`: {}\n\n", preset.name, preset.title);
+        text += &format!("### `{}`: {}\n\n", preset.name, preset.title);
         text += &wrapped(&format!("{} Model: `{}`. Left out: {}", preset.about, preset.model, preset.limits));
         text += "\n| parameter | value | usual | from |\n|---|---|---|---|\n";
         for quantity in preset.values {
@@ -32,7 +42,7 @@ pub fn markdown() -> String {
     }
     sources.sort_by_key(|source| source.key.to_lowercase());
     sources.dedup();
-    text += "### Sources\n\n";
+    text += "## Sources\n\n";
     for source in sources {
         text += &wrapped(&format!("- **{}**: {}", source.key, source.text)).replace('\n', "\n  ").trim_end().to_owned();
         text += "\n";

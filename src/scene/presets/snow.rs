@@ -3,8 +3,8 @@
 use super::sources::{CUFFEY, STOMAKHIN};
 use super::{Preset, q};
 
-const LIMITS: &str = "Parameters that look right, found for pictures, and not measured strengths. No sintering, no rate, \
-                      no temperature.";
+const LIMITS: &str = "Parameters that look right, found for pictures, and not measured strengths. No sintering, no \
+                      rate, no temperature.";
 
 pub const PRESETS: &[Preset] = &[
     Preset {

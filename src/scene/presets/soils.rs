@@ -3,10 +3,10 @@
 use super::sources::{BOLTON, BOWLES, HERE, LAMBE, LEPS, MITARAI, RICHEFEU, TERZAGHI};
 use super::{Preset, q};
 
-const GRAINS: &str = "The modulus does not grow with pressure, and neither strength nor dilatancy change as it shears. No \
-                      water in the pores, no rate, no crushing of grains.";
-const UNDRAINED: &str = "Undrained: for loads that come within hours. No drainage, no softening by remoulding, no rate. \
-                         It keeps its strength where it is torn.";
+const GRAINS: &str = "The modulus does not grow with pressure, and neither strength nor dilatancy change as it shears. \
+                      No water in the pores, no rate, no crushing of grains.";
+const UNDRAINED: &str = "Undrained: for loads that come within hours. No drainage, no softening by remoulding, no \
+                         rate. It keeps its strength where it is torn.";
 
 pub const PRESETS: &[Preset] = &[
     Preset {
@@ -63,8 +63,8 @@ pub const PRESETS: &[Preset] = &[
         title: "Gravel",
         model: "mohr-coulomb",
         about: "Angular gravel, as under railway tracks.",
-        limits: "Grains of a size that cells should not be below. The angle falls with pressure, and here it does not. No \
-                 crushing.",
+        limits: "Grains of a size that cells should not be below. The angle falls with pressure, and here it does not. \
+                 No crushing.",
         values: &[
             q("density", 1700.0, [1430.0, 2300.0], &[LAMBE]),
             q("youngs_modulus", 100e6, [50e6, 200e6], &[BOWLES]),

@@ -42,8 +42,8 @@ pub const CORK: Source = source(
 );
 pub const CRC: Source = source(
     "CRC Handbook",
-    "Rumble, J. R., ed.: CRC Handbook of Chemistry and Physics. CRC Press, tables of the density, the viscosity and the \
-     speed of sound of liquids.",
+    "Rumble, J. R., ed.: CRC Handbook of Chemistry and Physics. CRC Press, tables of the density, the viscosity and \
+     the speed of sound of liquids.",
 );
 pub const CUFFEY: Source = source(
     "Cuffey & Paterson 2010",
@@ -56,7 +56,8 @@ pub const DOW: Source = source(
 );
 pub const EUROCODE_1: Source = source(
     "EN 1991-1-1",
-    "EN 1991-1-1:2002: Eurocode 1. Actions on structures. Densities, self-weight, imposed loads for buildings. Annex A.",
+    "EN 1991-1-1:2002: Eurocode 1. Actions on structures. Densities, self-weight, imposed loads for buildings. Annex \
+     A.",
 );
 pub const EUROCODE_2: Source = source(
     "EN 1992-1-1",

@@ -1092,7 +1092,7 @@ class Union(ShapesPart):
 
 @dataclass(kw_only=True, repr=False)
 class Preset(MaterialPart):
-    """A material that people know. What is given beside its name, of its model's parameters, replaces its values.
+    """A material that people know. Parameters of its model that are given beside its name replace its own.
 
     Fields:
     - preset: Its name.
