@@ -131,7 +131,7 @@ mod tests {
         ];
         let text = svg("Sand", &panels).unwrap();
         assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
-        for word in ["Sand", "q (kPa)", "volumetric strain", "fitted", "measured", "0.05"] {
+        for word in ["Sand", "q (kPa)", "volumetric strain", "fitted", "measured", "0.04"] {
             assert!(text.contains(word), "{word} is missing");
         }
         assert!(text.contains("<polyline") && text.contains("<circle"));

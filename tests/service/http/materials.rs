@@ -66,5 +66,8 @@ fn scene_of_a_wrong_preset(server: &Server) {
     scene["bodies"][0]["material"] = json!({ "preset": "jely" });
     let problem = server.post_json("/v1/jobs", &json!({ "scene": scene })).json();
     let fault = &problem["faults"][0];
-    assert_eq!((&fault["pointer"], &fault["code"]), (&json!("/scene/bodies/0/material/preset"), &json!("unknown_preset")));
+    assert_eq!(
+        (&fault["pointer"], &fault["code"]),
+        (&json!("/scene/bodies/0/material/preset"), &json!("unknown_preset"))
+    );
 }
