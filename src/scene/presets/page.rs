@@ -44,7 +44,7 @@ pub fn markdown() -> String {
     sources.dedup();
     text += "## Sources\n\n";
     for source in sources {
-        text += &wrapped(&format!("- **{}**: {}", source.key, source.text)).replace('\n', "\n  ").trim_end().to_owned();
+        text += wrapped(&format!("- **{}**: {}", source.key, source.text)).replace('\n', "\n  ").trim_end();
         text += "\n";
     }
     text

@@ -12,10 +12,10 @@ pub(super) fn root(guess: f64, tolerance: f64, excess: impl Fn(f64) -> f64) -> O
         return Some(guess);
     }
     let outwards = if at_guess > 0.0 { -1.0 } else { 1.0 };
-    let (mut near, mut at_near, mut reach) = (guess, at_guess, 1e-6);
+    let (mut near, mut at_near, mut reach) = (guess, at_guess, 1e-6f64);
     let (mut far, mut at_far);
     loop {
-        far = guess * (outwards * reach as f64).exp();
+        far = guess * (outwards * reach).exp();
         at_far = excess(far);
         if at_far.abs() <= tolerance {
             return Some(far);
