@@ -42,9 +42,10 @@ class Module:
         for several in ("oneOf", "anyOf", "allOf"):
             if several in schema:
                 return self.type_of(next(each for each in schema[several] if each.get("type") != "null"))
-        if "if" in schema:
-            # A number or a list, the two branches.
-            return " | ".join(self.type_of(schema[branch])[0] for branch in ("then", "else")), ""
+        if "else" in schema:
+            # A name, or what it would be the name of.
+            inner, of = self.type_of(schema["then"])
+            return f"{self.type_of(schema['else'])[0]} | {inner}", of
         if "$ref" in schema:
             return self.referred(schema["$ref"].rsplit("/", 1)[1])
         if "enum" in schema:
@@ -90,7 +91,7 @@ class Module:
         short, properties = self.short(name), dict(schema["properties"])
         properties.pop("$comment", None)
         if base == "MaterialPart":
-            del properties["model"]
+            properties.pop("model", None)
         required = set(schema.get("required", []))
         described = schema.get("description", f"{words(short)}.")
         lines = [describe(attribute(key), inner, key in required) for key, inner in properties.items()]
@@ -199,6 +200,8 @@ def scene() -> str:
     for name, each in sorted(definitions.items()):
         if "enum" in each or name in CHOICES or each.get("properties") is None:
             continue
+        if name.endswith("Preset"):
+            continue
         if name.endswith("Material"):
             module.class_of(name, each, "MaterialPart", each["properties"]["model"]["const"])
         elif name in tags:
@@ -208,8 +211,20 @@ def scene() -> str:
     for tag, inner in definitions["Shape"]["properties"].items():
         if "$ref" not in inner:
             module.shapes(tag.capitalize(), tag, inner)
+    module.class_of("Preset", preset(definitions), "MaterialPart")
     module.class_of("Scene", schema, "Part")
     return HEAD.format(about="Scenes as objects: SI units, z up.", source="api/scene.schema.json") + finish(module)
+
+
+def preset(definitions: dict[str, Schema]) -> Schema:
+    """What any preset may have beside its name."""
+    fields: dict[str, Schema] = {"preset": {"$ref": "#/$defs/PresetName", "description": "Its name."}}
+    for name, each in sorted(definitions.items()):
+        if name.endswith("Preset"):
+            fields |= {key: inner for key, inner in each["properties"].items() if key not in fields}
+    del fields["origin"]
+    described = "A material that people know. Parameters of its model that are given beside its name replace its own."
+    return {"description": described, "properties": fields, "required": ["preset"]}
 
 
 def models() -> str:

@@ -10,6 +10,7 @@ mod export;
 mod init;
 mod interrupt;
 mod manual;
+mod material;
 mod run;
 mod schema;
 mod serve;
@@ -40,6 +41,7 @@ enum Command {
     Init(init::Arguments),
     Run(run::Arguments),
     Check(check::Arguments),
+    Material(material::Arguments),
     Demo(demo::Arguments),
     Export(export::Arguments),
     Adapters(adapters::Arguments),
@@ -57,6 +59,7 @@ impl Command {
             Self::Init(arguments) => init::execute(arguments),
             Self::Run(arguments) => run::execute(arguments),
             Self::Check(arguments) => check::execute(arguments),
+            Self::Material(arguments) => material::execute(arguments),
             Self::Demo(arguments) => demo::execute(arguments),
             Self::Export(arguments) => export::execute(arguments),
             Self::Adapters(arguments) => adapters::execute(arguments),

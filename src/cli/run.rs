@@ -142,7 +142,7 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<(Scene, Problem), CliEr
 }
 
 /// The text of a scene, or of the one that a recording carries.
-fn read(path: &Path) -> Result<String, String> {
+pub fn read(path: &Path) -> Result<String, String> {
     let mut bytes = Vec::new();
     if path == Path::new("-") {
         std::io::stdin().read_to_end(&mut bytes).map_err(|error| error.to_string())?;

@@ -8,8 +8,8 @@ use super::CliError;
 use gridfall_scene as scene;
 use gridfall_service::http;
 
-/// Print the JSON Schema of scenes, the OpenAPI document of the server, what its error codes mean, or the reference of
-/// scenes (both Markdown).
+/// Print the JSON Schema of scenes, the OpenAPI document of the server, or a page of Markdown: what its error codes
+/// mean, the reference of scenes, the presets of materials.
 #[derive(Debug, Args)]
 pub struct Arguments {
     #[arg(value_enum)]
@@ -22,6 +22,7 @@ enum What {
     Openapi,
     Errors,
     Reference,
+    Materials,
 }
 
 pub fn execute(arguments: Arguments) -> Result<(), CliError> {
@@ -30,6 +31,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         What::Openapi => http::document_json(),
         What::Errors => http::error_codes(),
         What::Reference => scene::contract::reference_page(),
+        What::Materials => scene::presets::page::markdown(),
     };
     match io::stdout().write_all(document.as_bytes()) {
         // A reader such as `head` may close the pipe early.

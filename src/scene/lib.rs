@@ -1,13 +1,15 @@
 //! Scenes: the versioned JSON that users write, its faults, and its way to a
 //! [`gridfall_core::sim::setup::Problem`].
 //!
-//! A document passes through `document` (syntax), `overrides`, `structure` (types and fields),
-//! `fit` (whole cells), `resolve` (files, sampled shapes), `validate` (meaning) and `build` (sampling). What
-//! `resolve` finds stays beside the document, in a table. A module uses only those before it in this list:
+//! A document passes through `document` (syntax), `overrides`, `presets` (materials made whole),
+//! `structure` (types and fields), `fit` (whole cells), `resolve` (files, sampled shapes), `validate`
+//! (meaning) and `build` (sampling). What `resolve` finds stays beside the document, in a table. A
+//! module uses only those before it in this list:
 //!
 //! ```text
 //! names, schema, fault, limits, suggest, vectors, memory
-//! document, overrides, size, spelling, structure     text and JSON to a scene
+//! document, overrides, size, spelling                JSON
+//! structure, presets                                 JSON to a scene
 //! mesh, npz, points, state, assets                   files
 //! sampling, grid, shape                              lattices, streams, signed distances
 //! fit
@@ -31,6 +33,7 @@ mod names;
 mod npz;
 mod overrides;
 mod points;
+pub mod presets;
 mod resolve;
 mod sampling;
 pub mod schema;
@@ -46,11 +49,11 @@ mod vectors;
 pub use fault::Fault;
 pub use limits::Limits;
 pub use names::{hidden, shown};
-pub use schema::Scene;
+pub use schema::{Scene, SceneMaterial};
 
 use gridfall_core::sim::cost;
 use gridfall_core::sim::setup::{Integrator, Problem};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use assets::{Assets, NoAssets};
 use fault::Faults;
@@ -60,7 +63,7 @@ use resolve::Resolved;
 /// Reads a scene: syntax and structure. When the structure is at fault, the meaning of the rest is
 /// judged as well (under the default limits), so that all faults are reported at once.
 pub fn parse(json: &str) -> Result<Scene, Vec<Fault>> {
-    from_value(&document::read(json)?)
+    read(&mut document::read(json)?)
 }
 
 /// [`parse`] with `path=value` overrides (`solver.kernel=quadratic`) applied first.
@@ -70,14 +73,27 @@ pub fn parse_with(json: &str, overrides: &[String]) -> Result<Scene, Vec<Fault>>
 
 /// [`parse`] for a document that is a JSON value already.
 pub fn from_value(document: &Value) -> Result<Scene, Vec<Fault>> {
+    read(&mut document.clone())
+}
+
+/// [`from_value`] with `path=value` overrides applied first. The document is left as it is stored:
+/// with these, and with all parameters of materials that came from presets.
+pub fn from_value_with(document: &mut Value, overrides: &[String]) -> Result<Scene, Vec<Fault>> {
+    overrides::apply(document, overrides)?;
+    read(document)
+}
+
+/// Makes the document's materials whole and takes it for a scene.
+fn read(document: &mut Value) -> Result<Scene, Vec<Fault>> {
     let mut faults = Faults::default();
     size::check(document, &mut faults);
     if !faults.is_empty() {
         return Err(faults.into_vec());
     }
+    let homes = presets::expand(document, &mut faults);
     let repaired = structure::check(document, &mut faults);
-    let scene: Scene = match serde_json::from_value(repaired) {
-        Ok(scene) => scene,
+    let scene = match serde_json::from_value(repaired) {
+        Ok(scene) => Scene { homes, ..scene },
         Err(e) => {
             faults.add(
                 "",
@@ -92,19 +108,46 @@ pub fn from_value(document: &Value) -> Result<Scene, Vec<Fault>> {
         return Ok(scene);
     }
     validate::check(&fit(&scene).0, &Resolved::default(), &Limits::default(), &mut faults);
-    Err(faults.into_vec())
+    Err(as_written(&scene, faults.into_vec()))
 }
 
-/// [`from_value`] with `path=value` overrides applied to the document first.
-pub fn from_value_with(document: &mut Value, overrides: &[String]) -> Result<Scene, Vec<Fault>> {
-    overrides::apply(document, overrides)?;
-    from_value(document)
+/// Reads a material as it would stand in a scene, a preset or one with a model, after `field=value`
+/// overrides. Faults have pointers in the material.
+pub fn material(document: &Value, overrides: &[String]) -> Result<SceneMaterial, Vec<Fault>> {
+    const AT: &str = "/materials/material";
+    // The smallest scene there is.
+    let mut scene = json!({
+        "gridfall": 1, "name": "material", "domain": { "min": [0, 0, 0], "max": [4, 4, 4], "dx": 1 },
+        "materials": { "material": document },
+        "bodies": [{ "name": "element", "material": "material",
+                     "shape": { "box": { "min": [1, 1, 1], "max": [2, 2, 2] } } }],
+        "time": { "end": 1, "frame_rate": 1 },
+    });
+    let overrides: Vec<String> =
+        overrides.iter().map(|change| format!("{AT}/{}", change.trim_start().trim_start_matches('/'))).collect();
+    let judged = from_value_with(&mut scene, &overrides).and_then(|mut scene| {
+        check(&scene, &Limits::default())?;
+        Ok(scene.materials.remove("material").expect("it was there"))
+    });
+    judged.map_err(|mut faults| {
+        for fault in &mut faults {
+            fault.pointer = fault.pointer.strip_prefix(AT).unwrap_or(&fault.pointer).to_owned();
+            fault.reason = fault.reason.replace(&format!("{AT}/"), "");
+        }
+        faults
+    })
+}
+
+/// Faults with the pointers of the document as it was written.
+fn as_written(scene: &Scene, mut faults: Vec<Fault>) -> Vec<Fault> {
+    faults.iter_mut().for_each(|fault| fault.pointer = scene.homes.of(&fault.pointer));
+    faults
 }
 
 /// Judges what a scene that names no files means, as far as possible without making particles: all
 /// but the number of steps.
 pub fn check(scene: &Scene, limits: &Limits) -> Result<(), Vec<Fault>> {
-    judge(&fit(scene).0, limits, &NoAssets).map(drop)
+    judge(&fit(scene).0, limits, &NoAssets).map(drop).map_err(|faults| as_written(scene, faults))
 }
 
 /// What a scene of whole cells resolves to, if it has no fault that shows before particles are made.
@@ -125,7 +168,10 @@ pub fn problem(scene: &Scene, limits: &Limits) -> Result<Problem, Vec<Fault>> {
 pub fn problem_with(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Result<Problem, Vec<Fault>> {
     // On a thread of the pool. From outside, each small parallel loop, of which every body has some,
     // would wait for a hand-over to it: most of the time of scenes of many bodies.
-    rayon::scope(|_| make(scene, limits, assets))
+    let mut problem = rayon::scope(|_| make(scene, limits, assets)).map_err(|faults| as_written(scene, faults))?;
+    problem.setup.notices.extend(presets::notices(scene));
+    problem.setup.notices.iter_mut().for_each(|notice| notice.pointer = scene.homes.of(&notice.pointer));
+    Ok(problem)
 }
 
 fn make(scene: &Scene, limits: &Limits, assets: &dyn Assets) -> Result<Problem, Vec<Fault>> {

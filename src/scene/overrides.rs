@@ -8,6 +8,7 @@ use crate::fault::Fault;
 ///
 /// An override is `solver.kernel=quadratic`, `bodies.0.velocity=[0,0,1]` or, where a name has dots,
 /// `/materials/wet.sand/density=1800`. Its value is JSON, or a string if it does not parse as JSON.
+/// A step into the material that a body names, `bodies.0.material.density`, goes to that entry of `materials`.
 /// Missing objects on the way are made. An override cannot be applied when the text has no `=`, or
 /// when the path leads through something that is neither an object nor an existing item of a list.
 /// Whether the result is a scene shows later.
@@ -27,6 +28,7 @@ fn apply_one(document: &mut Value, text: &str) -> Result<(), Fault> {
     if steps.iter().any(String::is_empty) {
         return Err(bad(text, "has an empty step in its path"));
     }
+    let steps = through_names(document, steps);
     let value = value.trim();
     let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
     let mut place = document;
@@ -46,6 +48,20 @@ fn apply_one(document: &mut Value, text: &str) -> Result<(), Fault> {
     }
     *place = value;
     Ok(())
+}
+
+/// Steps into the material of a body or source that has the name of one lead to that entry of
+/// `materials`.
+fn through_names(document: &Value, steps: Vec<String>) -> Vec<String> {
+    let [list, n, member, rest @ ..] = steps.as_slice() else { return steps };
+    if !matches!(list.as_str(), "bodies" | "sources") || member != "material" || rest.is_empty() {
+        return steps;
+    }
+    let index = n.parse::<usize>().ok();
+    match index.and_then(|n| document[list].get(n)).and_then(|user| user["material"].as_str()) {
+        Some(name) => ["materials", name].into_iter().map(str::to_owned).chain(rest.iter().cloned()).collect(),
+        None => steps,
+    }
 }
 
 fn bad(text: &str, what: &str) -> Fault {

@@ -118,7 +118,9 @@ fn check_fields(
             repaired.insert(name.to_owned(), value);
         } else {
             let unused: Vec<&str> = known.keys().map(String::as_str).filter(|k| !fields.contains_key(*k)).collect();
-            let remedy = match closest(name, &unused) {
+            // Presets have filled in what is beside a slip in a material.
+            let every: Vec<&str> = known.keys().map(String::as_str).collect();
+            let remedy = match closest(name, &unused).or_else(|| closest(name, &every)) {
                 Some(near) => format!("did you mean `{near}`? Otherwise take it out"),
                 None => format!("take it out; the fields here are {}", list(known.keys().map(String::as_str))),
             };

@@ -25,6 +25,11 @@ pub fn closest<'a>(word: &str, choices: &[&'a str]) -> Option<&'a str> {
         return None;
     }
     let word = plain(word);
+    // A name that was left unfinished, such as one without its unit.
+    let mut longer = choices.iter().filter(|choice| word.len() >= 4 && plain(choice).starts_with(&word));
+    if let (Some(only), None) = (longer.next(), longer.next()) {
+        return Some(only);
+    }
     let scored = choices.iter().map(|choice| (edits(&word, &plain(choice)), *choice));
     let (distance, choice) = scored.min()?;
     (distance <= 1 + word.chars().count() / 4).then_some(choice)
@@ -59,6 +64,7 @@ mod tests {
         assert_eq!(closest("particle_per_cell", &fields), Some("particles_per_cell"));
         assert_eq!(closest("particles-per-cell", &fields), Some("particles_per_cell"));
         assert_eq!(closest("veloctiy", &fields), Some("velocity"));
+        assert_eq!(closest("angular", &fields), Some("angular_velocity"));
         assert_eq!(closest("temperature", &fields), None);
         assert_eq!(closest("x", &[]), None);
     }

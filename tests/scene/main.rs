@@ -6,6 +6,7 @@ mod cases;
 mod conforming;
 mod documents;
 mod faults;
+mod laboratory;
 mod leniency;
 mod meeting;
 mod mended;

@@ -60,6 +60,16 @@ fn valid_scenes_pass() {
     nothing["solver"]["max_dt"] = Value::Null;
     assert!(!refused(&nothing));
     documents.push(nothing);
+    // Presets, in the list and in a body, also where there is no list.
+    let mut presets = good();
+    presets["materials"]["water"] = json!({ "preset": "water", "viscosity": 0.01 });
+    presets["bodies"][1]["material"] = json!({ "preset": "dense-sand", "model": "mohr-coulomb" });
+    assert!(!refused(&presets));
+    documents.push(serde_json::from_str(&scene::from_value(&presets).unwrap().to_json()).unwrap());
+    presets["bodies"][0]["material"] = json!({ "preset": "steel", "damping": 1e-6 });
+    presets.as_object_mut().unwrap().remove("materials");
+    assert!(!refused(&presets));
+    documents.push(presets);
     // Written out as the program writes it.
     documents.push(serde_json::from_str(&scene::from_value(&good()).unwrap().to_json()).unwrap());
     for (errors, document) in ajv(&documents).iter().zip(&documents) {
@@ -88,6 +98,13 @@ fn one_slip_is_one_error_at_its_place() {
         ("/domain/boundary/z-/friction", json!(-0.3)),
         ("/domain/boundary/z-/contact", json!("seperate")),
         (material, json!({ "model": "neo-hooke", "density": 1000 })),
+        (material, json!({ "preset": "watr" })),
+        (material, json!({ "preset": "water", "density": -1 })),
+        (material, json!({ "preset": "water", "model": "snow" })),
+        (material, json!({ "preset": "water", "friction_angle_degrees": 30 })),
+        ("/bodies/1/material", json!({ "preset": "snow", "hardening": -1 })),
+        ("/bodies/1/material", json!({ "density": 1000 })),
+        ("/bodies/1/material", json!(7)),
         ("/materials/jelly/density", json!(-1)),
         ("/materials/jelly/density", json!("heavy")),
         ("/materials/jelly/poissons_ratio", json!(0.5)),

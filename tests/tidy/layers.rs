@@ -31,6 +31,7 @@ pub const SCENE: &[Layer] = &[
     ("size", &["fault"]),
     ("spelling", &[]),
     ("structure", &["schema", "fault", "suggest", "spelling"]),
+    ("presets", &["schema", "fault", "suggest", "structure"]),
     ("mesh", &["schema"]),
     ("npz", &["vectors"]),
     ("points", &["mesh", "npz"]),
@@ -46,7 +47,7 @@ pub const SCENE: &[Layer] = &[
         &["names", "schema", "fault", "limits", "suggest", "vectors", "memory", "sampling", "grid", "shape", "resolve"],
     ),
     ("build", &["schema", "vectors", "grid", "shape", "resolve"]),
-    ("contract", &["structure", "validate"]),
+    ("contract", &["structure", "presets", "validate"]),
     ("estimate", &["memory"]),
 ];
 
@@ -115,7 +116,8 @@ pub const RECORDING: &[Layer] = &[
 
 pub const SERVICE: &[Layer] = &[("store", &[]), ("jobs", &["store"]), ("http", &["store", "jobs"])];
 
-pub const ROOT: &[Layer] = &[("bench", &[]), ("verify", &[]), ("cli", &["bench", "verify"])];
+pub const ROOT: &[Layer] =
+    &[("bench", &[]), ("laboratory", &[]), ("verify", &[]), ("cli", &["bench", "laboratory", "verify"])];
 
 /// Crates that only some folders may name.
 pub const OWNED: &[(&str, &[&str])] = &[

@@ -75,6 +75,20 @@ def test_objects_are_the_documents() -> None:
     }
 
 
+def test_presets_are_materials(client: gridfall.Client, cube: gridfall.Scene) -> None:
+    """A preset in a body, with a value of one's own, is taken by the server and comes back from a document."""
+    preset = s.Preset(preset="jelly", density=1100)
+    assert preset.to_dict() == {"preset": "jelly", "density": 1100}
+    document = {**cube.to_dict(), "bodies": [{**cube.to_dict()["bodies"][0], "material": preset.to_dict()}]}
+    scene = s.Scene.from_dict(document)
+    assert isinstance(scene.bodies[0], s.Body) and isinstance(scene.bodies[0].material, s.Preset)
+    assert scene.to_dict() == document
+    client.validate(scene)
+    document["bodies"][0]["material"] = {"preset": "jely"}
+    with pytest.raises(gridfall.InvalidScene, match="did you mean `jelly`"):
+        client.validate(document)
+
+
 def test_shapes_combine(client: gridfall.Client, cube: gridfall.Scene) -> None:
     """The server counts the particles of what the operators make."""
     left = s.Box(min=[10.25, -4.75, 2.25], max=[10.5, -4.25, 2.75])

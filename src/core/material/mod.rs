@@ -8,6 +8,7 @@
 mod damping;
 mod derivatives;
 mod drucker_prager;
+pub mod element;
 mod fixed_corotated;
 mod measures;
 mod mohr_coulomb;

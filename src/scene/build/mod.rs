@@ -30,7 +30,7 @@ pub(crate) fn build(scene: &Scene, resolved: &Resolved) -> Problem {
         cells: cells(&scene.domain, dimension).map(|n| n.round() as usize),
         axes: std::array::from_fn(|a| axis(&scene.domain, a, dimension)),
         gravity: scene.gravity.as_deref().map_or([0.0; 3], vector3),
-        materials: scene.materials.values().cloned().collect(),
+        materials: scene.materials.values().map(|material| material.law.clone()).collect(),
         bodies: Vec::new(),
         sources: Vec::new(),
         colliders: colliders(scene, &resolved.fields),

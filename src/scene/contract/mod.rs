@@ -6,6 +6,7 @@
 //! `validate` alone.
 
 mod bounds;
+mod presets;
 mod reference;
 mod variants;
 
@@ -86,6 +87,10 @@ fn definitions(reader: Reader) -> Map<String, Value> {
     }
     if reader == Reader::Validator {
         bounds::add(&mut published);
+        presets::add(&mut published);
+        // A scene whose materials all stand in its bodies has no list of them.
+        let required = published["Scene"]["required"].as_array_mut().expect("scenes have required fields");
+        required.retain(|field| field != "materials");
     }
     published
 }

@@ -128,7 +128,7 @@ fn choice(variant: &Value) -> Option<(Vec<Value>, String)> {
     Some((values, about.split_whitespace().collect::<Vec<_>>().join(" ")))
 }
 
-fn pascal(kebab: &str) -> String {
+pub fn pascal(kebab: &str) -> String {
     let capital = |word: &str| word[..1].to_uppercase() + &word[1..];
     kebab.split('-').map(capital).collect()
 }

@@ -13,7 +13,7 @@ use super::vector::{Matrix, Vector, spin};
 #[serde(deny_unknown_fields)]
 pub struct Body {
     pub name: String,
-    /// Name of an entry of `materials`.
+    /// Name of an entry of `materials`, or a material as it would be there.
     pub material: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shape: Option<Shape>,

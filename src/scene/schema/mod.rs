@@ -6,6 +6,7 @@
 //! sense. Their doc comments are the descriptions in the JSON Schema, line breaks included.
 
 mod body;
+mod material;
 mod motion;
 mod scene;
 mod shape;
@@ -16,6 +17,7 @@ pub use body::{Body, Points, Sampling};
 pub use gridfall_core::material::parameters::Material;
 pub use gridfall_core::sim::contact::ContactKind;
 pub use gridfall_core::sim::settings::{ContactAt, Implicit, Integrator, Kernel, OutputField, Precision, Transfer};
+pub use material::{Homes, SceneMaterial};
 pub use motion::{Collider, Grip, Keyframe, Motion};
 pub use scene::{Boundary, Domain, DomainFit, Output, Periodic, Scene, Solver, Start, Time, WallContact};
 pub use shape::{Fill, Shape};

@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use gridfall_core::material::parameters::Material;
 use gridfall_core::sim::contact::ContactKind;
 use gridfall_core::sim::settings::{ContactAt, Implicit, Integrator, Kernel, OutputField, Precision, Transfer};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::body::Body;
+use super::material::{Homes, SceneMaterial};
 use super::motion::Collider;
 use super::source::Source;
 use super::vector::Vector;
@@ -35,8 +35,8 @@ pub struct Scene {
     /// Gravitational acceleration (m/s²); defaults to zero.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity: Option<Vector>,
-    /// Materials by name; bodies and sources name them.
-    pub materials: BTreeMap<String, Material>,
+    /// Materials by name; those that stand in bodies get the names of these.
+    pub materials: BTreeMap<String, SceneMaterial>,
     /// What moves by its own laws.
     pub bodies: Vec<Body>,
     /// What the run begins with instead of the bodies' first state: the last state of another run.
@@ -59,6 +59,9 @@ pub struct Scene {
     /// Of everything that is drawn at random; the same seed gives the same run.
     #[serde(default = "default_seed")]
     pub seed: u64,
+    /// Where materials were written that have moved; for messages only.
+    #[serde(skip)]
+    pub homes: Homes,
 }
 
 impl Scene {

@@ -13,7 +13,7 @@ use super::vector::Vector;
 pub struct Source {
     /// Its own among bodies and sources.
     pub name: String,
-    /// Name of an entry of `materials`.
+    /// Name of an entry of `materials`, or a material as it would be there.
     pub material: String,
     /// Bounded; the way of the stream within a frame upstream of it must be inside the domain.
     pub shape: Shape,

@@ -89,7 +89,8 @@ fn check_contact(check: &mut Check, solver: &Solver) {
 fn check_materials(check: &mut Check, method: Method) {
     let Scene { materials, bodies, sources, .. } = check.scene;
     let used = bodies.iter().map(|body| &body.material).chain(sources.iter().map(|source| &source.material));
-    let used: Vec<(&String, &Material)> = used.filter_map(|name| materials.get_key_value(name)).collect();
+    let used: Vec<(&String, &Material)> =
+        used.filter_map(|name| materials.get_key_value(name)).map(|(name, material)| (name, &material.law)).collect();
     if let Some((name, _)) = used.iter().find(|(_, material)| material.is_fluid()) {
         let reason = format!("the material '{name}' is a fluid, and fluids run explicitly only");
         let remedy = "write `explicit` or `auto`, or take the fluid out";

@@ -25,6 +25,7 @@ pub struct Index {
 pub struct Links {
     pub jobs: &'static str,
     pub library: &'static str,
+    pub materials: &'static str,
     pub scene_schema: &'static str,
     pub openapi: &'static str,
     pub docs: &'static str,
@@ -39,6 +40,7 @@ const INDEX: Index = Index {
     links: Links {
         jobs: "/v1/jobs",
         library: "/v1/library",
+        materials: "/v1/materials",
         scene_schema: "/v1/schema/scene",
         openapi: "/openapi.json",
         docs: "/docs/",

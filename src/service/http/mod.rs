@@ -25,6 +25,7 @@ mod layers;
 mod library;
 mod live;
 mod load;
+mod materials;
 mod metrics;
 mod openapi;
 mod outputs;

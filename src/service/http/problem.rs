@@ -46,6 +46,7 @@ codes! {
     JobNotFound NOT_FOUND "There is no such job",
     AssetNotFound NOT_FOUND "There is no such asset",
     SceneNotFound NOT_FOUND "There is no such scene",
+    MaterialNotFound NOT_FOUND "There is no such preset of materials",
     SweepNotFound NOT_FOUND "There is no such sweep",
     OutputNotFound NOT_FOUND "The job has no such output yet",
     MethodNotAllowed METHOD_NOT_ALLOWED "The path has no such method",

@@ -13,7 +13,7 @@ use super::openapi::{self, Description};
 use super::state::Api;
 use super::{
     assets, cors, dashboard, devices, docs, encoding, events, exports, frames, groups, guard, health, index, jobs,
-    layers, library, live, load, metrics, outputs, scenes,
+    layers, library, live, load, materials, metrics, outputs, scenes,
 };
 
 /// All routes of the API, and their OpenAPI document.
@@ -64,6 +64,9 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         // /v1/library, /v1/library/{name}
         .routes(routes!(library::list))
         .routes(routes!(library::get))
+        // /v1/materials, /v1/materials/{name}
+        .routes(routes!(materials::list))
+        .routes(routes!(materials::get))
         // /v1/assets, /v1/assets/{id}
         .routes(routes!(assets::put, assets::list))
         .routes(routes!(assets::get))

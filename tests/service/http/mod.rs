@@ -11,6 +11,7 @@ mod groups;
 mod hostile;
 mod lifecycle;
 mod manners;
+mod materials;
 mod openapi;
 mod outputs;
 pub mod support;

@@ -228,7 +228,7 @@ pub fn problem(spacing: f64) -> Problem {
         cells: [40, 20, 20],
         axes: [Axis::Walls([contact; 2]); 3],
         gravity: [0.0, 0.0, -9.81],
-        materials: scene.materials.values().cloned().collect(),
+        materials: scene.materials.values().map(|material| material.law.clone()).collect(),
         bodies,
         sources: vec![],
         colliders: vec![

@@ -104,12 +104,13 @@ class ShapesPart(ShapePart):
 
 
 class MaterialPart(Part):
-    """A material; its tag is the name of its model."""
+    """A material; its tag is the name of its model. A preset has none."""
 
     known = True
 
     def to_dict(self) -> dict[str, Any]:
-        return {"model": self.tag, **super().to_dict()}
+        model = {"model": self.tag} if self.tag else {}
+        return {**model, **super().to_dict()}
 
 
 def plain(value: Any) -> Any:
@@ -141,6 +142,8 @@ def made(value: Any, of: str) -> Any:
         return value
     if of == "Shape":
         return _tagged_shape(value)
+    if of == "Material" and "preset" in value:
+        return _named("Preset").from_dict(value)
     if of == "Material":
         rest = {key: each for key, each in value.items() if key != "model"}
         return _tagged(MaterialPart, value.get("model")).from_dict(rest)

@@ -20,6 +20,9 @@ pub fn of(code: Code) -> &'static str {
         }
         Code::PreconditionFailed => "It has changed since the version in `If-Match`. Read it again, and decide anew.",
         Code::SceneNotFound => "No scene with this id was kept here. Send it with `POST /v1/scenes`.",
+        Code::MaterialNotFound => {
+            "No preset has this name. `GET /v1/materials` lists them; `detail` may know a near one."
+        }
         Code::UnsupportedEncoding => {
             "Send the body as it is, or in an encoding that the header `Accept-Encoding` of the answer names."
         }

@@ -54,6 +54,7 @@ const LINKS: &[(&str, &str, &str, &str, &[&str])] = &[
     ("/v1/jobs/{id}/cancel", "post", "202", "$response.body#/id", OF_JOB),
     ("/v1/sweeps", "post", "202", "$response.body#/id", &["get_sweep", "cancel_sweep"]),
     ("/v1/scenes", "post", "201", "$response.body#/id", &["get_scene"]),
+    ("/v1/materials", "get", "200", "$response.body#/materials/0/name", &["get_material"]),
     ("/v1/assets", "put", "200", "$response.body#/id", &["get_asset"]),
     ("/v1/assets", "put", "201", "$response.body#/id", &["get_asset"]),
     ("/v1/assets", "get", "200", "$response.body#/assets/0/id", &["get_asset"]),
@@ -76,7 +77,8 @@ const OF_JOB: &[&str] = &[
 
 fn link(document: &mut Value) {
     for (path, method, status, id, operations) in LINKS {
-        let to = |name: &&str| ((*name).to_owned(), json!({ "operationId": name, "parameters": { "id": id } }));
+        let parameter = if id.ends_with("/name") { "name" } else { "id" };
+        let to = |name: &&str| ((*name).to_owned(), json!({ "operationId": name, "parameters": { parameter: id } }));
         document["paths"][path][method]["responses"][status]["links"] = operations.iter().map(to).collect();
     }
 }

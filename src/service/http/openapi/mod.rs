@@ -104,6 +104,7 @@ fn common_problems(path: &str, operation: &Operation, changes: bool) -> BTreeMap
             match path {
                 _ if assets => &["asset_not_found"],
                 _ if ["/v1/scenes", "/v1/library"].iter().any(|of| path.starts_with(of)) => &["scene_not_found"],
+                _ if path.starts_with("/v1/materials") => &["material_not_found"],
                 _ => &["job_not_found"],
             },
         );
