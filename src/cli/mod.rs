@@ -7,7 +7,9 @@ mod check;
 mod demo;
 mod device;
 mod export;
+mod frames;
 mod interrupt;
+mod render;
 mod run;
 mod schema;
 mod serve;
@@ -35,6 +37,7 @@ enum Command {
     Check(check::Arguments),
     Demo(demo::Arguments),
     Export(export::Arguments),
+    Render(render::Arguments),
     Adapters(adapters::Arguments),
     Bench(bench::Arguments),
     Verify(verify::Arguments),
@@ -49,6 +52,7 @@ impl Command {
             Self::Check(arguments) => check::execute(arguments),
             Self::Demo(arguments) => demo::execute(arguments),
             Self::Export(arguments) => export::execute(arguments),
+            Self::Render(arguments) => render::execute(arguments),
             Self::Adapters(arguments) => adapters::execute(arguments),
             Self::Bench(arguments) => bench::execute(arguments),
             Self::Verify(arguments) => verify::execute(arguments),

@@ -108,7 +108,7 @@ pub async fn list(State(api): State<Api>, JobId(id): JobId) -> Result<Json<Frame
         index.look(target)?;
         let Some(newest) = index.len().checked_sub(1) else { return Ok(None) };
         let Some(cloud) = index.points(target, newest)? else { return Ok(None) };
-        let field = |name: &str| FrameField { name: name.to_owned(), unit: unit(name) };
+        let field = |name: &str| FrameField { name: name.to_owned(), unit: recording::unit(name) };
         let fields = cloud.fields().into_iter().map(field).collect();
         Ok(Some(FrameList { frames: index.len(), points: cloud.len() as u64, fields }))
     });
@@ -193,17 +193,6 @@ fn packed(frame: u64, points: &FramePoints) -> Vec<u8> {
     values.iter().for_each(|value| bytes.extend(value.to_le_bytes()));
     colors.iter().for_each(|color| bytes.extend(color));
     bytes
-}
-
-fn unit(field: &str) -> &'static str {
-    match field {
-        "speed" | "vx" | "vy" | "vz" => "m/s",
-        "von_mises" | "pressure" => "Pa",
-        "J" | "plastic_strain" => "1",
-        field if field.starts_with("stress_") => "Pa",
-        field if field.starts_with("strain_") => "1",
-        _ => "",
-    }
 }
 
 /// The recording of a job's attempt.
