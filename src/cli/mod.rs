@@ -13,6 +13,7 @@ mod render;
 mod run;
 mod schema;
 mod serve;
+mod surface;
 mod verify;
 
 use std::fmt;
@@ -38,6 +39,7 @@ enum Command {
     Demo(demo::Arguments),
     Export(export::Arguments),
     Render(render::Arguments),
+    Surface(surface::Arguments),
     Adapters(adapters::Arguments),
     Bench(bench::Arguments),
     Verify(verify::Arguments),
@@ -53,6 +55,7 @@ impl Command {
             Self::Demo(arguments) => demo::execute(arguments),
             Self::Export(arguments) => export::execute(arguments),
             Self::Render(arguments) => render::execute(arguments),
+            Self::Surface(arguments) => surface::execute(arguments),
             Self::Adapters(arguments) => adapters::execute(arguments),
             Self::Bench(arguments) => bench::execute(arguments),
             Self::Verify(arguments) => verify::execute(arguments),

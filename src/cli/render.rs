@@ -99,7 +99,8 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         bodies: arguments.bodies,
     };
     let renderer = Renderer::new(&scenery, &look).map_err(refused)?;
-    let film = Film::create(output, format, look.size.pixels(), (frames.len() as u32, arguments.fps)).map_err(refused)?;
+    let film =
+        Film::create(output, format, look.size.pixels(), (frames.len() as u32, arguments.fps)).map_err(refused)?;
     let work = Work { index, recording, renderer, frames: &frames };
     let drawn = work.draw(film)?;
     let what = if drawn == 1 { "1 picture".into() } else { format!("{drawn} pictures") };

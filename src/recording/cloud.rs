@@ -193,6 +193,15 @@ impl Cloud {
         }
     }
 
+    /// How to read velocities of points (m/s), turned as their positions are; `None` if there are none.
+    pub(crate) fn velocities(&self) -> Option<impl Fn(&[u8]) -> [f32; 3]> {
+        let ((turned, _), elements) = (self.placement(), self.velocity()?);
+        Some(move |point: &[u8]| {
+            let v = std::array::from_fn(|a| elements[a].read(point));
+            turned.map(|row| dot(row, v) as f32)
+        })
+    }
+
     /// Names of the recorded scalars but for positions, colours included, and how to read each.
     pub(crate) fn scalars(&self) -> Vec<(&str, Element)> {
         let others = self.message.fields.iter().filter(|field| !POSITION.contains(&field.name.as_str()));

@@ -25,6 +25,7 @@ mod palette;
 mod picture;
 mod points;
 pub mod provenance;
+pub mod reconstruction;
 mod recovery;
 pub mod render;
 pub mod run;

@@ -34,7 +34,8 @@ impl FromStr for Aim {
                 }
                 None => piece,
             };
-            let known = parts.last_mut().ok_or_else(|| format!("\"{piece}\" is no part of a camera, as azimuth=30 is"))?;
+            let known =
+                parts.last_mut().ok_or_else(|| format!("\"{piece}\" is no part of a camera, as azimuth=30 is"))?;
             let number: Option<f64> = number.trim().parse().ok().filter(|number: &f64| number.is_finite());
             known.1.push(number.ok_or_else(|| format!("{} has \"{piece}\", which is no number", known.0))?);
         }
@@ -80,7 +81,9 @@ impl Aim {
     pub(crate) fn suits(&self, dimension: usize) -> Result<(), String> {
         let turned = [("azimuth", self.azimuth_deg), ("elevation", self.elevation_deg), ("distance", self.distance_m)];
         match turned.iter().find(|(_, given)| dimension == 2 && given.is_some()) {
-            Some((name, _)) => Err(format!("2D scenes are seen from the front and have no {name}; use look_at and zoom")),
+            Some((name, _)) => {
+                Err(format!("2D scenes are seen from the front and have no {name}; use look_at and zoom"))
+            }
             None => Ok(()),
         }
     }

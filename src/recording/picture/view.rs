@@ -52,8 +52,7 @@ impl View {
         let chosen = if extent.x >= extent.y { TURN - std::f32::consts::FRAC_PI_2 } else { -TURN };
         let azimuth = aim.azimuth_deg.map_or(chosen, |degrees| degrees.to_radians() as f32);
         let elevation = aim.elevation_deg.map_or(ELEVATION, |degrees| degrees.to_radians() as f32);
-        let backward =
-            V3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin());
+        let backward = V3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin());
         let right = V3::new(-azimuth.sin(), azimuth.cos(), 0.0);
         let mut view = Self::perspective(right, backward.cross(&right), focus, size, target);
         let fitting = (target.unwrap_or((focus[0] + focus[1]) / 2.0) - view.eye).dot(&view.forward);

@@ -71,7 +71,8 @@ impl Film {
         let partial = partial_path(path);
         let open = || File::create(&partial).map(BufWriter::new).map_err(RecordingError::io("create", &partial));
         let [width, height] = size;
-        let failed = |error: &dyn std::fmt::Display| RenderError::Film(format!("cannot begin {}: {error}", path.display()));
+        let failed =
+            |error: &dyn std::fmt::Display| RenderError::Film(format!("cannot begin {}: {error}", path.display()));
         let writer = match format {
             Format::Png => Writer::Png(open()?),
             Format::Apng => {
@@ -101,7 +102,8 @@ impl Film {
     /// When it cannot be written.
     pub fn add(&mut self, image: &Image) -> Result<(), RenderError> {
         let partial = &self.partial;
-        let failed = |error: &dyn std::fmt::Display| RenderError::Film(format!("cannot write {}: {error}", partial.display()));
+        let failed =
+            |error: &dyn std::fmt::Display| RenderError::Film(format!("cannot write {}: {error}", partial.display()));
         match &mut self.writer {
             Writer::Png(file) => file.write_all(&image.png()).map_err(|error| failed(&error)),
             Writer::Apng(writer) => writer.write_image_data(&image.rgb).map_err(|error| failed(&error)),
@@ -124,7 +126,8 @@ impl Film {
     /// When it cannot be written.
     pub fn finish(self) -> Result<(), RenderError> {
         let Self { path, partial, writer } = self;
-        let failed = |error: &dyn std::fmt::Display| RenderError::Film(format!("cannot end {}: {error}", partial.display()));
+        let failed =
+            |error: &dyn std::fmt::Display| RenderError::Film(format!("cannot end {}: {error}", partial.display()));
         match writer {
             Writer::Png(mut file) => file.flush().map_err(|error| failed(&error))?,
             Writer::Apng(writer) => writer.finish().map_err(|error| failed(&error))?,

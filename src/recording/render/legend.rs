@@ -129,7 +129,9 @@ fn ticks(low: f64, high: f64, most: usize) -> Vec<f64> {
     let (first, last) = (((low - slack) / step).ceil(), ((high + slack) / step).floor());
     // Zero has no sign, and 3 × 0.1 is 0.3.
     let rounded = |k: f64| format!("{:.*}", (2.0 - step.log10().floor()).clamp(0.0, 12.0) as usize, k * step);
-    (0..=(last - first).max(0.0) as usize).map(|k| rounded(first + k as f64).parse::<f64>().unwrap_or(0.0) + 0.0).collect()
+    (0..=(last - first).max(0.0) as usize)
+        .map(|k| rounded(first + k as f64).parse::<f64>().unwrap_or(0.0) + 0.0)
+        .collect()
 }
 
 /// A number with at most four digits.

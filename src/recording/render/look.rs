@@ -44,7 +44,8 @@ impl FromStr for Size {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let sides = text.split_once(['x', '×']).and_then(|(w, h)| Some([w.trim().parse().ok()?, h.trim().parse().ok()?]));
+        let sides =
+            text.split_once(['x', '×']).and_then(|(w, h)| Some([w.trim().parse().ok()?, h.trim().parse().ok()?]));
         let [width, height]: [usize; 2] = sides.ok_or_else(|| format!("\"{text}\" is no size, as 960x540 is"))?;
         if [width, height].iter().any(|side| !(LEAST..=MOST).contains(side)) {
             return Err(format!("width and height are {LEAST} to {MOST} pixels"));
