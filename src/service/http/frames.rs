@@ -209,6 +209,21 @@ impl Source {
         Ok((Self { files, attempt: job.attempt, index }, job.status))
     }
 
+    /// Where the frames are, among them this one.
+    pub async fn with_frame(&self, api: &Api, frame: u64, status: Status) -> Result<FrameIndex, Problem> {
+        let found = self.read(api, move |index, target| {
+            // A frame that was found stays where it is.
+            if frame >= index.len() {
+                index.look(target)?;
+            }
+            Ok((frame < index.len()).then(|| index.clone()))
+        });
+        found.await?.ok_or_else(|| {
+            let problem = missing(&format!("frame {frame}"), status);
+            if status.is_terminal() { problem } else { problem.retry_after(1) }
+        })
+    }
+
     /// Reads on a thread that may wait; `None` where there is no recording yet, or what is asked for is not in it.
     pub async fn read<T: Send + 'static>(
         &self,
