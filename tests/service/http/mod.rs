@@ -13,5 +13,6 @@ mod lifecycle;
 mod manners;
 mod openapi;
 mod outputs;
+mod pictures;
 pub mod support;
 mod watching;
