@@ -84,13 +84,14 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let unread = |error: RecordingError| CliError::BadInput(error.to_string());
     let mut index = FrameIndex::default();
     index.look(recording).map_err(unread)?;
+    // First of all: a recording of another program has none.
+    let scenery = Scenery::new(load_recorded(recording)?);
     let frames = match (format, arguments.frame) {
         (Format::Png, Frame::Last) => vec![index.len().checked_sub(1).ok_or_else(|| no_frame(0, &index))?],
         (Format::Png, Frame::Number(frame)) if frame < index.len() => vec![frame],
         (Format::Png, Frame::Number(frame)) => return Err(no_frame(frame, &index)),
         _ => arguments.frames.of(index.len(), arguments.every).map_err(|error| refused(error.into()))?,
     };
-    let scenery = Scenery::new(load_recorded(recording)?);
     let look = Look {
         size: arguments.size,
         aim: arguments.camera.unwrap_or_default(),

@@ -57,7 +57,9 @@ impl Scenery {
     /// The body of each point of a frame.
     pub(crate) fn bodies(&self, cloud: &Cloud) -> Result<&[u32], OtherScene> {
         let (points, most) = (cloud.len(), self.bodies.len());
-        self.bodies.get(..points).ok_or(OtherScene { points, most })
+        // Sources have yet to emit some of them.
+        let fits = points == most || (points < most && !self.setup.sources.is_empty());
+        if fits { Ok(&self.bodies[..points]) } else { Err(OtherScene { points, most }) }
     }
 
     /// The factor by which particles are larger that stand for all, where only some of `chosen` of the recorded points

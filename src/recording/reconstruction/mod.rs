@@ -11,6 +11,7 @@ mod skin;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
+use rayon::prelude::*;
 use splashsurf_lib::nalgebra::Vector3;
 
 use crate::appearance::local;
@@ -20,6 +21,7 @@ use crate::files::{RecordingError, write_atomically};
 use crate::frames::FrameIndex;
 use crate::palette::{Palette, Rgb};
 use crate::scenery::{OtherScene, Scenery};
+use gridfall_core::sim::setup::Body;
 use skin::Skin;
 
 /// A form of files.
@@ -163,16 +165,15 @@ impl<'a> Surfaces<'a> {
             points[body].positions.push(Vector3::from(<[f32; 3]>::from(local(setup, position(point)))));
             points[body].velocities.extend(velocity.as_ref().map(|velocity| Vector3::from(velocity(point))));
         }
-        let mut parts = Vec::new();
-        for (number, (body, points)) in setup.bodies.iter().zip(&points).enumerate() {
-            if points.positions.is_empty() {
-                continue;
-            }
+        let part = |(number, (body, points)): (usize, (&Body, &skin::Points))| {
             let spacing = (growth * body.volume0.cbrt()) as f32;
             let skin = skin::skin(points, spacing)
                 .map_err(|reason| SurfaceError::Failed { body: body.name.clone(), reason })?;
-            parts.push(Part { name: body.name.clone(), number, color: self.palette.color(number as u32, 0.0), skin });
-        }
+            Ok(Part { name: body.name.clone(), number, color: self.palette.color(number as u32, 0.0), skin })
+        };
+        let bodies = setup.bodies.par_iter().zip(&points).enumerate();
+        let there = bodies.filter(|(_, (_, points))| !points.positions.is_empty());
+        let parts = there.map(part).collect::<Result<Vec<_>, SurfaceError>>()?;
         Ok(Model { time_s: cloud.time_s(), corner: setup.origin, parts })
     }
 }

@@ -1,5 +1,6 @@
 //! The surface of one body.
 
+use rayon::ThreadPoolBuilder;
 use splashsurf_lib::mesh::{Mesh3d, TriMesh3d};
 use splashsurf_lib::nalgebra::Vector3;
 use splashsurf_lib::postprocessing::{par_laplacian_smoothing_inplace, par_laplacian_smoothing_normals_inplace};
@@ -41,7 +42,14 @@ pub struct Skin {
 }
 
 /// The surface of points at this distance from each other.
+///
+/// It is made on one thread: on several, the order of vertices and of sums would be that of their scheduling.
 pub fn skin(points: &Points, spacing: f32) -> Result<Skin, String> {
+    let alone = ThreadPoolBuilder::new().num_threads(1).build().map_err(|error| error.to_string())?;
+    alone.install(|| reconstruct(points, spacing))
+}
+
+fn reconstruct(points: &Points, spacing: f32) -> Result<Skin, String> {
     let mut parameters = Parameters::new_relative(0.5 * spacing, SUPPORT, CUBE);
     parameters.iso_surface_threshold = THRESHOLD;
     parameters.global_neighborhood_list = true;

@@ -48,8 +48,8 @@ fn other_readers_find_closed_surfaces() {
             assert_eq!((&mesh["closed"], &mesh["normals_outwards"]), (&json!(true), &json!(true)), "{format} {name}");
             let volume: f64 = (0..3).map(|a| body[1][a] - body[0][a]).product();
             let ratio = mesh["volume"].as_f64().unwrap() / volume;
-            // The flight shears the pool, and keeps its volume.
-            assert!((ratio - 1.0).abs() < 0.04, "{format} {name}: {ratio}");
+            // The flight shears the pool, and keeps its volume. Edges are rounded off.
+            assert!((ratio - 1.0).abs() < 0.05, "{format} {name}: {ratio}");
             // Free fall, and a drift that grows with height along x and with x along z.
             let ends = [0, 1].map(|end| numbers(&mesh["bounds"][end]));
             let fall = 2.0 * 0.05 * 0.05 * 9.81 / 2.0 * (frame as f64 - 1.0);

@@ -35,12 +35,13 @@ fn balls_and_boxes_keep_their_volume() {
     let spacing = 0.05;
     let ball = lattice(spacing, 12, |x| x.norm() < 0.5);
     let cuboid = lattice(spacing, 12, |x| x.x.abs() < 0.5 && x.y.abs() < 0.3 && x.z.abs() < 0.2);
-    for (name, points) in [("ball", ball), ("box", cuboid)] {
+    // Edges are rounded off, which a box of eight particles across has many of.
+    for (name, points, tolerance) in [("ball", ball, 0.02), ("box", cuboid, 0.05)] {
         let skin = skin(&points, spacing).unwrap();
         assert!(closed(&skin), "{name}");
         let expected = points.positions.len() as f64 * f64::from(spacing).powi(3);
         let ratio = volume(&skin) / expected;
-        assert!((ratio - 1.0).abs() < 0.04, "{name}: {ratio}");
+        assert!((ratio - 1.0).abs() < tolerance, "{name}: {ratio}");
     }
 }
 
@@ -60,7 +61,7 @@ fn normals_and_velocities_are_those_of_the_field() {
 
 #[test]
 fn a_surface_is_the_same_each_time() {
-    // More than one subdomain of the reconstruction, which are worked on in parallel.
+    // More than one subdomain of the reconstruction.
     let points = lattice(0.02, 24, |x| x.norm() < 0.45);
     let [first, second] = [0, 1].map(|_| skin(&points, 0.02).unwrap());
     assert!(first.positions == second.positions && first.triangles == second.triangles);

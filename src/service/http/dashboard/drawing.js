@@ -6,7 +6,7 @@ import { h, text } from "./dom.js";
 const SIZE = "960x600";
 
 /** A figure with the last frame at first; frame and colours can be chosen. */
-export function drawing(job, signal) {
+export function drawnFrame(job, signal) {
   const path = `/v1/jobs/${job.id}`;
   const last = job.progress.frames_written - 1;
   const image = h("img", { src: `${path}/thumbnail.png`, alt: `The last frame of ${job.name}` });

@@ -3,7 +3,7 @@
 import { cancel, hasEnded, remove, rerun } from "./actions.js";
 import { follow, get } from "./api.js";
 import { announce, h, prose, text } from "./dom.js";
-import { drawing } from "./drawing.js";
+import { drawnFrame } from "./drawing.js";
 import { count, duration, many, number, ordinal, percent, when } from "./format.js";
 import { badge } from "./jobs.js";
 import { downloads, viewers } from "./outputs.js";
@@ -149,7 +149,7 @@ export function job(main, id, signal) {
 
   function pictureOf(now) {
     if (!hasEnded(now) || !now.progress.frames_written || picture.childElementCount) return;
-    picture.append(drawing(now, signal));
+    picture.append(drawnFrame(now, signal));
   }
 
   function details(now) {
