@@ -15,7 +15,7 @@ UPRIGHT = numpy.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
 
 def parts(path):
     """Name, vertices, faces, normals and velocities of each body."""
-    loaded = trimesh.load(path, process=False, split_object=path.endswith(".obj"), group_material=False)
+    loaded = trimesh.load(path, process=False, split_objects=path.endswith(".obj"))
     if path.endswith(".ply"):
         with open(path, "rb") as stream:
             head = stream.read(4096).split(b"end_header")[0].decode()

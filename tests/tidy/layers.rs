@@ -106,8 +106,11 @@ pub const RECORDING: &[Layer] = &[
     ("frames", &["embedded", "files", "cloud", "index"]),
     ("export", &["arrays", "cloud", "files", "frames"]),
     ("scenery", &["excerpt", "appearance", "cloud"]),
-    ("render", &["files", "appearance", "palette", "picture", "cloud", "export", "scenery"]),
-    ("reconstruction", &["provenance", "files", "appearance", "palette", "cloud", "frames", "export", "scenery"]),
+    ("render", &["files", "excerpt", "appearance", "palette", "picture", "cloud", "export", "scenery"]),
+    (
+        "reconstruction",
+        &["provenance", "files", "excerpt", "appearance", "palette", "cloud", "frames", "export", "scenery"],
+    ),
     ("recovery", &["files", "index"]),
     ("growing", &["files", "index"]),
     ("checkpoint", &["provenance", "files"]),

@@ -16,6 +16,7 @@ use splashsurf_lib::nalgebra::Vector3;
 
 use crate::appearance::local;
 use crate::cloud::Cloud;
+use crate::excerpt::select;
 use crate::export::ExportError;
 use crate::files::{RecordingError, write_atomically};
 use crate::frames::FrameIndex;
@@ -156,7 +157,7 @@ impl<'a> Surfaces<'a> {
         if n > MOST_POINTS {
             return Err(SurfaceError::TooMany { frame, points: n, most: MOST_POINTS });
         }
-        let some = (0..n).map(|k| chosen[(k as u128 * chosen.len() as u128 / n as u128) as usize]);
+        let some = select(chosen.len(), n, setup.seed).into_iter().map(|k| chosen[k as usize]);
         let growth = self.scenery.growth(n, chosen.len());
         let mut points: Vec<skin::Points> = vec![skin::Points::default(); setup.bodies.len()];
         let (position, velocity) = (cloud.positions(), cloud.velocities());

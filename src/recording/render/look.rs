@@ -71,7 +71,7 @@ impl Bounds {
     }
 
     /// From or to zero, if that is nearly so.
-    pub(super) fn from_zero(self) -> Self {
+    pub(super) fn reaching_zero(self) -> Self {
         let near = |end: f64, other: f64| end * other > 0.0 && end.abs() < 0.15 * other.abs();
         Self {
             low: if near(self.low, self.high) { 0.0 } else { self.low },

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use crate::appearance::local;
 use crate::cloud::{Cloud, unit};
+use crate::excerpt::select;
 use crate::export::ExportError;
 use crate::files::RecordingError;
 use crate::palette::{Palette, Rgb, from_srgb};
@@ -124,7 +125,7 @@ impl<'a> Renderer<'a> {
         let n = finite.len();
         let out = ((n as f64 * BEYOND) as usize).min(n - 1);
         let mut at = |k: usize| f64::from(*finite.select_nth_unstable_by(k, f32::total_cmp).1);
-        Ok(Some(Bounds { low: at(out), high: at(n - 1 - out) }.from_zero()))
+        Ok(Some(Bounds { low: at(out), high: at(n - 1 - out) }.reaching_zero()))
     }
 
     /// A frame; with `bounds` for the colours where the look has none.
@@ -159,8 +160,8 @@ impl<'a> Renderer<'a> {
 
     /// Not more of them than pictures show.
     fn brushed(&self, points: &[(u32, u32)]) -> Vec<(u32, u32)> {
-        let n = points.len().min(STILL.particles);
-        (0..n).map(|k| points[(k as u128 * points.len() as u128 / n as u128) as usize]).collect()
+        let chosen = select(points.len(), STILL.particles, self.scenery.setup.seed);
+        chosen.into_iter().map(|k| points[k as usize]).collect()
     }
 
     /// How to colour a point of a body, with its gloss, and what the colours mean.

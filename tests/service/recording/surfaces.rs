@@ -76,7 +76,7 @@ fn other_readers_find_closed_surfaces() {
     let one = folder.path().join("one.ply");
     let output = surface(&recording, &one, &["--frames", "0", "--body", "cube"]);
     assert!(output.status.success() && seen(&one).as_object().unwrap().len() == 1);
-    // An eighth of the points makes the same body, coarser.
+    // A tenth of the points makes the same body, coarser.
     let output = surface(&recording, &one, &["--frames", "0", "--body", "pool", "--max-points", "1536"]);
     assert!(output.status.success());
     let ratio = seen(&one)["pool"]["volume"].as_f64().unwrap() / 0.24;
