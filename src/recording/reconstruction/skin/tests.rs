@@ -73,4 +73,7 @@ fn a_single_particle_is_a_drop() {
     let points = Points { positions: vec![Vector3::zeros()], velocities: vec![] };
     let skin = skin(&points, 0.1).unwrap();
     assert!(closed(&skin) && volume(&skin) > 0.0 && skin.velocities.is_empty());
+    for (x, normal) in skin.positions.iter().zip(&skin.normals) {
+        assert!(Vector3::from(*normal).dot(&Vector3::from(*x).normalize()) > 0.9, "{x:?} {normal:?}");
+    }
 }
