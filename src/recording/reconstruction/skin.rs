@@ -66,12 +66,14 @@ fn reconstruct(points: &Points, spacing: f32) -> Result<Skin, String> {
     let weights = field.interpolate_scalar_quantity(&weights, &mesh.vertices, true);
     let weights: Vec<f32> = weights.into_iter().map(|weight| if weight.is_finite() { weight } else { 0.0 }).collect();
     par_laplacian_smoothing_inplace(&mut mesh, &around, SMOOTHING, 1.0, &weights);
-    let exact: Vec<Vector3<f32>> = mesh.par_vertex_normals().into_iter().map(|normal| normal.into_inner()).collect();
-    let mut normals = exact.clone();
+    let mut normals: Vec<Vector3<f32>> =
+        mesh.par_vertex_normals().into_iter().map(|normal| normal.into_inner()).collect();
     par_laplacian_smoothing_normals_inplace(&mut normals, &around, NORMALS);
-    // Around the vertices of the smallest drops they cancel out.
-    for (smooth, exact) in normals.iter_mut().zip(exact).filter(|(smooth, _)| !smooth.iter().all(|c| c.is_finite())) {
-        *smooth = exact;
+    // On the smallest drops they cancel out, or triangles have no area: there, away from where the density is.
+    let lost: Vec<usize> = (0..normals.len()).filter(|k| !normals[*k].iter().all(|c| c.is_finite())).collect();
+    let places: Vec<Vector3<f32>> = lost.iter().map(|k| mesh.vertices[*k]).collect();
+    for (k, normal) in lost.into_iter().zip(field.interpolate_normals(&places)) {
+        normals[k] = normal.into_inner();
     }
     Ok(finished(points, &field, mesh, normals))
 }
@@ -85,7 +87,7 @@ fn finished(points: &Points, field: &SphInterpolator<f32>, mesh: TriMesh3d<f32>,
         let known = |v: Vector3<f32>| if v.iter().all(|c| c.is_finite()) { v } else { mean };
         skin.velocities = velocities.into_iter().map(|v| known(v).into()).collect();
     }
-    let unit = |normal: Vector3<f32>| normal.try_normalize(1e-6).unwrap_or_else(Vector3::z);
+    let unit = |normal: Vector3<f32>| normal.try_normalize(1e-6).filter(|n| n.x.is_finite()).unwrap_or_else(Vector3::z);
     skin.normals = normals.into_iter().map(|normal| unit(normal).into()).collect();
     skin.positions = mesh.vertices.iter().map(|x| (*x).into()).collect();
     skin.triangles = mesh.triangles.iter().map(|corners| corners.map(|corner| corner as u32)).collect();
