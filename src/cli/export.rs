@@ -1,11 +1,11 @@
 //! `gridfall export`: frames of a recording as files of other programs.
 
-use std::path::{Path, PathBuf};
-use std::str::FromStr;
+use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
 use clap::{Args, ValueEnum};
 
+use super::frames::{Frames, stem};
 use super::talk::{bar, remark};
 use super::{CliError, interrupt};
 use gridfall_recording::export::{self, ExportError, Format, Selection, Series};
@@ -58,36 +58,6 @@ impl From<FormatName> for Format {
     }
 }
 
-/// A range of frames.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Frames {
-    first: u64,
-    /// Before this one; `None` for all.
-    end: Option<u64>,
-}
-
-impl FromStr for Frames {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let number = |text: &str| text.trim().parse::<u64>().map_err(|_| format!("\"{text}\" is no number of a frame"));
-        let Some((first, last)) = text.split_once("..") else {
-            let frame = number(text)?;
-            return Ok(Self { first: frame, end: Some(frame.saturating_add(1)) });
-        };
-        let first = if first.is_empty() { 0 } else { number(first)? };
-        let end = match last.strip_prefix('=') {
-            Some(last) => Some(number(last)?.saturating_add(1)),
-            None if last.is_empty() => None,
-            None => Some(number(last)?),
-        };
-        if end.is_some_and(|end| end <= first) {
-            return Err(format!("there is no frame in {text}"));
-        }
-        Ok(Self { first, end })
-    }
-}
-
 /// Where a frame goes.
 enum Target {
     /// Into this file, alone.
@@ -106,13 +76,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     index.look(recording).map_err(unread)?;
     let names = index.bodies(recording).map_err(unread)?;
     let selection = Selection::new(names, &arguments.bodies, most).map_err(refused)?;
-    let Frames { first, end } = arguments.frames;
-    // What was named must be there; what was not, need not.
-    let last = end.map_or(first, |end| end - 1);
-    if last >= index.len() {
-        return Err(refused(ExportError::NoFrame { frame: last, frames: index.len() }));
-    }
-    let frames: Vec<u64> = (first..end.unwrap_or(index.len())).step_by(arguments.every as usize).collect();
+    let frames = arguments.frames.of(index.len(), arguments.every).map_err(refused)?;
     let target = match named {
         Some(_) if frames.len() > 1 => {
             let (file, n) = (arguments.output.display(), frames.len());
@@ -192,13 +156,6 @@ impl Target {
     }
 }
 
-/// The recording's name without its extensions.
-fn stem(recording: &Path) -> String {
-    let name = recording.file_name().map_or_else(|| "frame".into(), |name| name.to_string_lossy().into_owned());
-    let finished = name.strip_suffix(".partial").unwrap_or(&name);
-    finished.strip_suffix(".mcap").unwrap_or(finished).to_owned()
-}
-
 /// What was asked for is not there, or a file failed.
 fn refused(error: ExportError) -> CliError {
     match error {
@@ -209,26 +166,12 @@ fn refused(error: ExportError) -> CliError {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
 
     #[test]
-    fn ranges_of_frames() {
-        let range = |text: &str| text.parse::<Frames>().map(|Frames { first, end }| (first, end));
-        assert_eq!(range(".."), Ok((0, None)));
-        assert_eq!(range("7"), Ok((7, Some(8))));
-        assert_eq!(range("3.."), Ok((3, None)));
-        assert_eq!(range("3..5"), Ok((3, Some(5))));
-        assert_eq!(range("..=5"), Ok((0, Some(6))));
-        for wrong in ["", "x", "5..5", "5..3", "-1", "1..x", "1...3"] {
-            assert!(range(wrong).is_err(), "{wrong}");
-        }
-    }
-
-    #[test]
     fn names_of_files() {
-        for name in ["a/dam.mcap", "dam.mcap.partial", "dam"] {
-            assert_eq!(stem(Path::new(name)), "dam");
-        }
         let folder = Target::Folder("out".into(), "dam".into());
         assert_eq!(folder.of(12, Format::Ply).0, Path::new("out/dam.0012.ply"));
     }

@@ -7,13 +7,16 @@ mod check;
 mod demo;
 mod device;
 mod export;
+mod frames;
 mod init;
 mod interrupt;
 mod manual;
 mod material;
+mod render;
 mod run;
 mod schema;
 mod serve;
+mod surface;
 mod talk;
 mod verify;
 
@@ -44,6 +47,8 @@ enum Command {
     Material(material::Arguments),
     Demo(demo::Arguments),
     Export(export::Arguments),
+    Render(render::Arguments),
+    Surface(surface::Arguments),
     Adapters(adapters::Arguments),
     Bench(bench::Arguments),
     Verify(verify::Arguments),
@@ -62,6 +67,8 @@ impl Command {
             Self::Material(arguments) => material::execute(arguments),
             Self::Demo(arguments) => demo::execute(arguments),
             Self::Export(arguments) => export::execute(arguments),
+            Self::Render(arguments) => render::execute(arguments),
+            Self::Surface(arguments) => surface::execute(arguments),
             Self::Adapters(arguments) => adapters::execute(arguments),
             Self::Bench(arguments) => bench::execute(arguments),
             Self::Verify(arguments) => verify::execute(arguments),

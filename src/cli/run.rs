@@ -19,6 +19,7 @@ use gridfall_engine::choice::Devices;
 use gridfall_engine::{Backend, Control, EngineError};
 use gridfall_recording::Appearance;
 use gridfall_recording::embedded;
+use gridfall_recording::partial_path;
 use gridfall_recording::run::{self, FrameReport, Observer, Outputs, RunError, Subject};
 use gridfall_scene::assets::LocalFiles;
 use gridfall_scene::{self as scene, Limits, Scene, shown};
@@ -134,7 +135,21 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
 pub fn load(path: &Path, overrides: &[String]) -> Result<(Scene, Problem), CliError> {
     let name = if path == Path::new("-") { "standard input".to_owned() } else { path.display().to_string() };
     let text = read(path).map_err(|reason| CliError::BadInput(format!("cannot read {name}: {reason}")))?;
-    let scene = scene::parse_with(&text, overrides);
+    judged(path, name, &text, overrides)
+}
+
+/// Reads the scene that a recording carries, finished or not. Files that it names are in the recording's folder.
+pub fn load_recorded(recording: &Path) -> Result<Problem, CliError> {
+    let partial = partial_path(recording);
+    let path = if recording.exists() { recording } else { &partial };
+    let name = recording.display().to_string();
+    let text = recorded(path).map_err(|reason| CliError::BadInput(format!("cannot draw {name}: {reason}")))?;
+    let problem = judged(path, format!("the scene of {name}"), &text, &[])?.1;
+    Ok(problem)
+}
+
+fn judged(path: &Path, name: String, text: &str, overrides: &[String]) -> Result<(Scene, Problem), CliError> {
+    let scene = scene::parse_with(text, overrides);
     let files = files_beside(path);
     let judged =
         scene.and_then(|scene| scene::problem_with(&scene, &Limits::default(), &files).map(|problem| (scene, problem)));
@@ -156,6 +171,14 @@ pub fn read(path: &Path) -> Result<String, String> {
         .read_to_end(&mut bytes)
         .map_err(|error| error.to_string())?;
     if recording { embedded::scene(&bytes) } else { text(bytes) }
+}
+
+/// The scene that a recording carries.
+fn recorded(path: &Path) -> Result<String, String> {
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(|error| error.to_string())?;
+    file.take(MOST_SCENE_BYTES).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    embedded::scene(&bytes)
 }
 
 fn text(bytes: Vec<u8>) -> Result<String, String> {

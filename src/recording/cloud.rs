@@ -38,6 +38,18 @@ pub struct FramePoints {
     pub colors: Vec<[u8; 4]>,
 }
 
+/// Unit of a recorded field: `m/s`, `Pa`, or `1` for ratios; empty if it is not known.
+pub fn unit(field: &str) -> &'static str {
+    match field {
+        SPEED | "vx" | "vy" | "vz" => "m/s",
+        "von_mises" | "pressure" => "Pa",
+        "J" | "plastic_strain" => "1",
+        field if field.starts_with("stress_") => "Pa",
+        field if field.starts_with("strain_") => "1",
+        _ => "",
+    }
+}
+
 /// Where a number of a point is.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Element {
@@ -153,6 +165,19 @@ impl Cloud {
         taken
     }
 
+    /// Values of a field, of all points; `None` if they do not have it.
+    pub(crate) fn values(&self, field: &str) -> Option<Vec<f32>> {
+        let value = self.value(field)?;
+        Some((0..self.len()).map(|k| value.read(self.point(k))).collect())
+    }
+
+    /// Colours of all points as they were recorded (sRGB); `None` if they have none.
+    pub(crate) fn colors(&self) -> Option<Vec<[u8; 3]>> {
+        let elements = self.elements(&COLOR[..3])?;
+        let color = |k: usize| std::array::from_fn(|c| elements[c].read(self.point(k)) as u8);
+        Some((0..self.len()).map(color).collect())
+    }
+
     /// The pose: a rotation, by rows, and what positions are relative to (m).
     fn placement(&self) -> ([[f64; 3]; 3], [f64; 3]) {
         let pose = self.message.pose.unwrap_or_default();
@@ -166,6 +191,15 @@ impl Cloud {
             let x = elements.map(|element| element.read(point));
             std::array::from_fn(|a| origin[a] + dot(turned[a], x))
         }
+    }
+
+    /// How to read velocities of points (m/s), turned as their positions are; `None` if there are none.
+    pub(crate) fn velocities(&self) -> Option<impl Fn(&[u8]) -> [f32; 3]> {
+        let ((turned, _), elements) = (self.placement(), self.velocity()?);
+        Some(move |point: &[u8]| {
+            let v = std::array::from_fn(|a| elements[a].read(point));
+            turned.map(|row| dot(row, v) as f32)
+        })
     }
 
     /// Names of the recorded scalars but for positions, colours included, and how to read each.

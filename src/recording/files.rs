@@ -48,6 +48,27 @@ pub fn write_file(target: &Path, bytes: &[u8]) -> Result<(), RecordingError> {
     publish(&partial, target)
 }
 
+/// Writes a whole file by a function that gets the open file and its path meanwhile. Other processes see it complete or
+/// not at all.
+///
+/// # Errors
+/// When the file cannot be created, synced or renamed, and those of the function.
+pub fn write_atomically<T, E: From<RecordingError>>(
+    target: &Path,
+    write: impl FnOnce(std::fs::File, &Path) -> Result<T, E>,
+) -> Result<T, E> {
+    let partial = partial_path(target);
+    let file = std::fs::File::create(&partial).map_err(RecordingError::io("create", &partial))?;
+    let written = write(file, &partial);
+    if written.is_err() {
+        // The reason is what matters.
+        let _ = std::fs::remove_file(&partial);
+        return written;
+    }
+    publish(&partial, target)?;
+    written
+}
+
 /// Waits until a file is on the disk. Returns its length (bytes).
 pub fn sync(path: &Path) -> Result<u64, RecordingError> {
     let file = std::fs::File::open(path).map_err(RecordingError::io("open", path))?;

@@ -8,8 +8,9 @@ use crate::appearance::Appearance;
 /// Linear RGB, 0 to 1.
 pub type Rgb = [f32; 3];
 
-/// Hues (sRGB) for fluids and for solids, in the order in which a scene's bodies use them.
+/// Hues (sRGB) for fluids, for sand and for other solids, in the order in which a scene's bodies use them.
 const FLUIDS: [[u8; 3]; 3] = [[0x16, 0x62, 0xb4], [0x10, 0x88, 0x90], [0x58, 0x4c, 0xc0]];
+const SANDS: [[u8; 3]; 4] = [[0xd8, 0xae, 0x68], [0xb0, 0x7a, 0x4c], [0x8f, 0x8a, 0x84], [0xc9, 0x8b, 0x78]];
 const SOLIDS: [[u8; 3]; 7] = [
     [0xe8, 0x5d, 0x3a],
     [0x2a, 0x9d, 0x8f],
@@ -21,6 +22,7 @@ const SOLIDS: [[u8; 3]; 7] = [
 ];
 
 /// Colours of a problem's bodies.
+#[derive(Clone, Debug)]
 pub struct Palette {
     /// Base colour, colour at full speed, gloss.
     bodies: Vec<([Rgb; 2], f32)>,
@@ -32,9 +34,11 @@ pub struct Palette {
 impl Palette {
     pub fn new(setup: &Setup, appearance: &Appearance) -> Self {
         let (mut fluids, mut solids) = (FLUIDS.iter().cycle(), SOLIDS.iter().cycle());
+        let mut sands = SANDS.iter().cycle();
         let bodies = setup.bodies.iter().map(|body| {
             let (hue, lightening, gloss) = match setup.materials[body.material] {
                 Material::WeaklyCompressibleFluid(_) => (fluids.next(), 0.75, 0.7),
+                Material::DruckerPrager(_) | Material::MohrCoulomb(_) => (sands.next(), 0.3, 0.05),
                 _ => (solids.next(), 0.35, 0.2),
             };
             let base = hue.expect("a cycle has no end").map(from_srgb);

@@ -65,6 +65,17 @@ async function jobPage(browser) {
   await browser.until("the picture", () => document.querySelector(".picture img")?.naturalWidth > 0);
   await browser.until("the plots", () => document.querySelectorAll(".plot path.series").length >= 10);
   await browser.shows(".log", "attempt 1: succeeded");
+  // Other frames are drawn, in other colours.
+  await browser.until("the fields", () => document.querySelectorAll("#drawn-colors option").length > 3);
+  await page.select("#drawn-colors", "speed");
+  await page.focus("#drawn-frame");
+  await key(browser, "Home");
+  await browser.until("frame 0", () => {
+    const image = document.querySelector(".picture img");
+    return image.src.includes("/frames/0/picture.png") && image.src.includes("color_by=speed") && image.complete;
+  });
+  await browser.until("no note", () => document.querySelector(".picture .note[role=status]").textContent === "");
+  assert.equal(await browser.text(".picture output"), "frame 0");
   // The preview moves.
   await browser.until("the preview", () => !document.querySelector(".player button").disabled);
   const before = await browser.painted(".preview");

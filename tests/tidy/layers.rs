@@ -108,6 +108,12 @@ pub const RECORDING: &[Layer] = &[
     ("index", &[]),
     ("frames", &["embedded", "files", "cloud", "index"]),
     ("export", &["arrays", "cloud", "files", "frames"]),
+    ("scenery", &["excerpt", "appearance", "cloud"]),
+    ("render", &["files", "excerpt", "appearance", "palette", "picture", "cloud", "export", "scenery"]),
+    (
+        "reconstruction",
+        &["provenance", "files", "excerpt", "appearance", "palette", "cloud", "frames", "export", "scenery"],
+    ),
     ("recovery", &["files", "index"]),
     ("growing", &["files", "index"]),
     ("checkpoint", &["provenance", "files"]),

@@ -101,6 +101,11 @@ def test_failures_have_a_code_and_a_remedy(client: gridfall.Client, square: grid
 def test_outputs(client: gridfall.Client, ran: gridfall.Result, tmp_path: Path) -> None:
     picture = client.thumbnail(ran.job)
     assert picture.startswith(b"\x89PNG") and picture.save(tmp_path / "a.png").read_bytes() == picture
+    drawn = client.picture(ran.job, 0, size=(320, 200), color_by="speed", color_range=(0, 1))
+    assert drawn.startswith(b"\x89PNG") and drawn != picture
+    assert client.surface(ran.job, 0, form="glb").startswith(b"glTF")
+    with pytest.raises(gridfall.ApiError, match="color_by"):
+        client.picture(ran.job, 0, color_by="heat")
     state = client.state(ran.job)
     assert np.sort(state["x"], axis=0) == pytest.approx(np.sort(ran.frames[-1].positions, axis=0), abs=1e-5)
     assert "attempt 1" in client.log(ran.job)

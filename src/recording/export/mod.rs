@@ -15,7 +15,7 @@ use std::path::Path;
 use foxglove::messages::packed_element_field::NumericType;
 
 use crate::cloud::{Cloud, Element};
-use crate::files::{RecordingError, partial_path, publish};
+use crate::files::{RecordingError, write_atomically};
 use crate::frames::FrameIndex;
 
 pub use series::Series;
@@ -161,16 +161,7 @@ pub fn write_file(
     what: (Format, &Selection),
     path: &Path,
 ) -> Result<(f64, usize), ExportError> {
-    let partial = partial_path(path);
-    let file = std::fs::File::create(&partial).map_err(RecordingError::io("create", &partial))?;
-    let written = write_frame(recording, frame, what, file, &partial);
-    if written.is_err() {
-        // The reason is what matters.
-        let _ = std::fs::remove_file(&partial);
-        return written;
-    }
-    publish(&partial, path)?;
-    written
+    write_atomically(path, |file, partial| write_frame(recording, frame, what, file, partial))
 }
 
 /// What is written of a frame.

@@ -27,7 +27,9 @@ impl Light {
     /// A light above the camera's left shoulder.
     pub fn new(camera: &View, balls: &[Ball], obstacles: &[Obstacle]) -> Self {
         let size = camera.shadows;
-        let away = V3::new(camera.forward.x, camera.forward.y, 0.0).normalize();
+        // Of a camera that looks straight down, what is up in the picture.
+        let level = |v: V3| V3::new(v.x, v.y, 0.0).try_normalize(1e-3);
+        let away = level(camera.forward).or_else(|| level(camera.up)).unwrap_or_else(V3::x);
         let toward = (V3::z() * 1.25 - camera.right * 0.55 - away * 0.35).normalize();
         let right = V3::z().cross(&toward).normalize();
         let view = View::parallel(right, toward.cross(&right), camera.focus, [size; 2]);

@@ -1,7 +1,10 @@
-//! Pictures of frames, rendered on the CPU: particles as a smoothed surface of small spheres, lit
-//! from above, with their shadow.
+//! Pictures of frames, rendered on the CPU. In 3D: particles as a smoothed surface of small spheres,
+//! lit from above, with their shadow. In 2D: fluids and solids as filled areas, sand as grains.
 
+mod aim;
+mod areas;
 mod flat;
+mod grains;
 mod light;
 mod lines;
 mod obstacles;
@@ -11,27 +14,30 @@ mod view;
 
 use rayon::prelude::*;
 
-use super::excerpt::{Excerpt, select};
+use super::excerpt::{Excerpt, hash, select};
 use super::palette::{Palette, Rgb, to_srgb};
-use gridfall_core::sim::setup::Setup;
-use splat::Ball;
-use view::View;
+use gridfall_core::sim::setup::{Material, Setup};
 
-use crate::appearance::{Appearance, local};
+use crate::appearance::{Appearance, V3, local};
+
+pub use aim::Aim;
+pub(crate) use splat::Ball;
+pub(crate) use view::View;
 
 /// Size and effort of a picture.
-struct Quality {
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Quality {
     /// Width and height (pixels).
-    size: [usize; 2],
+    pub size: [usize; 2],
     /// Samples of a pixel along each axis.
-    samples: usize,
+    pub samples: usize,
     /// Maximum number of particles drawn.
-    particles: usize,
+    pub particles: usize,
     /// Pixels along each side of the shadow map.
-    shadows: usize,
+    pub shadows: usize,
 }
 
-const STILL: Quality = Quality { size: [960, 540], samples: 2, particles: 1_000_000, shadows: 1024 };
+pub(crate) const STILL: Quality = Quality { size: [960, 540], samples: 2, particles: 1_000_000, shadows: 1024 };
 const FILM: Quality = Quality { size: [480, 270], samples: 1, particles: 200_000, shadows: 384 };
 
 /// The particles that a [`thumbnail`] shows.
@@ -70,7 +76,7 @@ impl Camera {
     fn new(setup: &Setup, appearance: &Appearance, quality: &Quality, selected: Vec<u32>) -> Self {
         let growth = (setup.total_particles() as f64 / selected.len().max(1) as f64).powf(1.0 / setup.dimension as f64);
         Self {
-            view: View::of(setup, appearance.focus, quality),
+            view: View::of(setup, appearance.focus, quality, &Aim::default()),
             palette: Palette::new(setup, appearance),
             selected,
             growth,
@@ -79,33 +85,85 @@ impl Camera {
 
     /// Draws a frame.
     pub fn render(&self, setup: &Setup, particles: &Excerpt, time_s: f64) -> Image {
-        let balls = self.balls(setup, particles);
-        let canvas = if setup.dimension == 2 {
-            flat::draw(setup, &self.view, &balls, time_s)
-        } else {
-            surface::draw(setup, &self.view, &balls, time_s)
-        };
-        canvas.reduced(self.view.samples)
+        draw(setup, &self.view, &self.balls(setup, particles), time_s)
     }
 
     fn balls(&self, setup: &Setup, particles: &Excerpt) -> Vec<Ball> {
-        let radii: Vec<f32> =
-            setup.bodies.iter().map(|body| (self.growth * radius(setup, body.volume0)) as f32).collect();
+        let brush = Brush::new(setup, self.growth, false);
         let ball = |&p: &u32| {
             let p = p as usize;
             let (v, body) = (particles.v[p], particles.body[p]);
-            let gloss = self.palette.gloss(body);
             let color = self.palette.color(body, (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt());
-            Ball { center: local(setup, particles.x[p]), radius: radii[body as usize], color, gloss }
+            brush.ball(local(setup, particles.x[p]), body, p as u32, (color, self.palette.gloss(body)))
         };
         let present = particles.present(&self.selected);
         self.selected[..present].par_iter().map(ball).collect()
     }
 }
 
-/// Half the spacing of a body's particles, enlarged so that neighbours leave no gaps.
+/// Draws particles with the colliders of a time.
+pub(crate) fn draw(setup: &Setup, view: &View, balls: &[Ball], time_s: f64) -> Image {
+    let canvas = if setup.dimension == 2 {
+        flat::draw(setup, view, balls, time_s)
+    } else {
+        surface::draw(setup, view, balls, time_s)
+    };
+    canvas.reduced(view.samples)
+}
+
+/// How the particles of a body look.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Style {
+    /// One area, or drops.
+    Fluid,
+    /// One area.
+    Solid,
+    /// Grain by grain.
+    Grains,
+}
+
+impl Style {
+    fn of(material: &Material) -> Self {
+        match material {
+            Material::DruckerPrager(_) | Material::MohrCoulomb(_) => Self::Grains,
+            Material::WeaklyCompressibleFluid(_) => Self::Fluid,
+            _ => Self::Solid,
+        }
+    }
+}
+
+/// Makes what is drawn of particles.
+pub(crate) struct Brush {
+    /// Radius and style, by body.
+    bodies: Vec<(f32, Style)>,
+    /// Whether colours say a value, and are left as they are.
+    exact: bool,
+}
+
+impl Brush {
+    /// `growth` is the factor by which particles are enlarged to stand for those that are not drawn.
+    pub fn new(setup: &Setup, growth: f64, exact: bool) -> Self {
+        let body = |body: &gridfall_core::sim::setup::Body| {
+            ((growth * radius(setup, body.volume0)) as f32, Style::of(&setup.materials[body.material]))
+        };
+        Self { bodies: setup.bodies.iter().map(body).collect(), exact }
+    }
+
+    /// The particle at a place, with its colour and gloss. `id` is the same in all frames. Grains of sand are not all
+    /// alike.
+    pub fn ball(&self, center: V3, body: u32, id: u32, (color, gloss): (Rgb, f32)) -> Ball {
+        let (radius, style) = self.bodies[body as usize];
+        let tint = match style {
+            Style::Grains if !self.exact => 0.87 + 0.26 * (hash(u64::from(id)) >> 40) as f32 / (1 << 24) as f32,
+            _ => 1.0,
+        };
+        Ball { center, radius, color: color.map(|c| c * tint), gloss, body, exact: self.exact }
+    }
+}
+
+/// Half the spacing of a body's particles, enlarged so that neighbours leave no gaps. In 2D, half the spacing.
 fn radius(setup: &Setup, volume0: f64) -> f64 {
-    if setup.dimension == 2 { 0.75 * volume0.sqrt() } else { 0.66 * volume0.cbrt() }
+    if setup.dimension == 2 { 0.5 * volume0.sqrt() } else { 0.66 * volume0.cbrt() }
 }
 
 /// A picture in linear light.
@@ -142,6 +200,17 @@ pub struct Image {
 }
 
 impl Image {
+    /// Lays a colour over a pixel; what is beyond the picture is left out.
+    pub(crate) fn cover(&mut self, [x, y]: [usize; 2], color: [u8; 3], share: f32) {
+        let [width, height] = self.size;
+        if x >= width || y >= height {
+            return;
+        }
+        for (below, above) in self.rgb[3 * (y * width + x)..][..3].iter_mut().zip(color) {
+            *below = (f32::from(*below) + (f32::from(above) - f32::from(*below)) * share).round() as u8;
+        }
+    }
+
     /// The picture as a PNG file.
     pub fn png(&self) -> Vec<u8> {
         let mut bytes = Vec::new();

@@ -15,6 +15,10 @@ pub struct Ball {
     pub color: Rgb,
     /// Share of the sky that it reflects, 0 to 1.
     pub gloss: f32,
+    /// Index of the body.
+    pub body: u32,
+    /// Whether the colour says a value.
+    pub exact: bool,
 }
 
 /// What is visible in each pixel, by rows from the top.
@@ -27,6 +31,8 @@ pub struct Depths {
 
 /// Rows that one task fills.
 const BAND: usize = 32;
+/// Share of the picture's height that a ball may have as its radius.
+const MOST_OF_PICTURE: f32 = 0.2;
 
 /// Draws balls with their bulge towards the camera.
 pub fn splat(view: &View, balls: &[Ball]) -> Depths {
@@ -43,7 +49,9 @@ pub fn splat(view: &View, balls: &[Ball]) -> Depths {
     bands.for_each(|(band, (depth, ball))| {
         let (top, rows) = (band * BAND, depth.len() / width);
         for (k, &[x, y, z, r]) in projected.iter().enumerate() {
-            if z <= 0.0 || y + r < top as f32 || y - r > (top + rows) as f32 {
+            // What is right before the camera would hide all else.
+            let near = z <= 0.0 || r > MOST_OF_PICTURE * height as f32;
+            if near || y + r < top as f32 || y - r > (top + rows) as f32 {
                 continue;
             }
             // At least the pixel under the centre.

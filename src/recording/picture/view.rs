@@ -1,7 +1,7 @@
 //! Where the camera stands: chosen from the problem alone, so that it does not move during a run.
 
-use super::Quality;
-use crate::appearance::{Bounds, V3, corners};
+use super::{Aim, Quality};
+use crate::appearance::{Bounds, V3, corners, local};
 use gridfall_core::sim::setup::Setup;
 
 /// A perspective camera, or a parallel one for plane scenes and for the light.
@@ -34,23 +34,37 @@ const HALF_ANGLE: f32 = 0.26;
 const FILL: f32 = 0.92;
 
 impl View {
-    /// The view of a problem: from obliquely above, or straight at the plane of a 2D scene.
-    pub fn of(setup: &Setup, focus: Bounds, quality: &Quality) -> Self {
+    /// The view of a problem: from obliquely above, or straight at the plane of a 2D scene, unless the aim says
+    /// otherwise.
+    pub fn of(setup: &Setup, focus: Bounds, quality: &Quality, aim: &Aim) -> Self {
         let size = quality.size.map(|s| s * quality.samples);
         let with_quality = |view| Self { samples: quality.samples, shadows: quality.shadows, ..view };
+        let (zoom, target) = (aim.zoom.unwrap_or(1.0) as f32, aim.look_at_m.map(|x| local(setup, x)));
         if setup.dimension == 2 {
-            return with_quality(Self::parallel(V3::x(), V3::y(), focus, size));
+            let mut view = Self::parallel(V3::x(), V3::y(), focus, size);
+            view.scale *= zoom;
+            if let Some(target) = target {
+                (view.eye.x, view.eye.y) = (target.x, target.y);
+            }
+            return with_quality(view);
         }
         let extent = focus[1] - focus[0];
-        let azimuth = if extent.x >= extent.y { TURN - std::f32::consts::FRAC_PI_2 } else { -TURN };
-        let backward = V3::new(ELEVATION.cos() * azimuth.cos(), ELEVATION.cos() * azimuth.sin(), ELEVATION.sin());
-        let right = V3::z().cross(&backward).normalize();
-        with_quality(Self::perspective(right, backward.cross(&right), focus, size))
+        let chosen = if extent.x >= extent.y { TURN - std::f32::consts::FRAC_PI_2 } else { -TURN };
+        let azimuth = aim.azimuth_deg.map_or(chosen, |degrees| degrees.to_radians() as f32);
+        let elevation = aim.elevation_deg.map_or(ELEVATION, |degrees| degrees.to_radians() as f32);
+        let backward = V3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin());
+        let right = V3::new(-azimuth.sin(), azimuth.cos(), 0.0);
+        let mut view = Self::perspective(right, backward.cross(&right), focus, size, target);
+        let fitting = (target.unwrap_or((focus[0] + focus[1]) / 2.0) - view.eye).dot(&view.forward);
+        let distance = aim.distance_m.map_or(fitting / zoom, |distance| distance as f32);
+        view.eye += view.forward * (fitting - distance);
+        with_quality(view)
     }
 
-    fn perspective(right: V3, up: V3, focus: Bounds, size: [usize; 2]) -> Self {
+    /// A perspective view that all of a box is in, with `target` in its middle, or else the box.
+    fn perspective(right: V3, up: V3, focus: Bounds, size: [usize; 2], target: Option<V3>) -> Self {
         let forward = up.cross(&right);
-        let center = (focus[0] + focus[1]) / 2.0;
+        let center = target.unwrap_or((focus[0] + focus[1]) / 2.0);
         let tangent = HALF_ANGLE.tan() * FILL;
         let aspect = size[1] as f32 / size[0] as f32;
         // Twice: first the distance from which all corners are visible, then the shift that centres
@@ -73,7 +87,9 @@ impl View {
             });
             let middle =
                 |v: [f32; 8]| (v.into_iter().fold(f32::MAX, f32::min) + v.into_iter().fold(f32::MIN, f32::max)) / 2.0;
-            shift += (up * middle(heights) + right * middle(widths)) * distance;
+            if target.is_none() {
+                shift += (up * middle(heights) + right * middle(widths)) * distance;
+            }
         }
         let scale = size[0] as f32 / 2.0 / HALF_ANGLE.tan();
         let eye = center + shift - forward * distance;

@@ -47,6 +47,7 @@ const FILES: &[(&str, &str, &str)] = files! {
     "plot.js" "text/javascript; charset=utf-8",
     "plots.js" "text/javascript; charset=utf-8",
     "frames.js" "text/javascript; charset=utf-8",
+    "drawing.js" "text/javascript; charset=utf-8",
     "preview.js" "text/javascript; charset=utf-8",
     "scene3d.js" "text/javascript; charset=utf-8",
     "viewer.js" "text/javascript; charset=utf-8",

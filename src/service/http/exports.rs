@@ -17,7 +17,6 @@ use super::extract::Query;
 use super::filters::commas;
 use super::frames::{JobFrame, Source};
 use super::openapi::PROBLEM;
-use super::outputs::missing;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
 use gridfall_recording::RecordingError;
@@ -97,17 +96,8 @@ pub async fn export(
     let format = Format::from(query.format);
     let most = query.max_points.unwrap_or(u32::MAX);
     let (source, status) = Source::of(&api, id).await?;
-    let found = source.read(&api, move |index, target| {
-        // A frame that was found stays where it is.
-        if frame >= index.len() {
-            index.look(target)?;
-        }
-        Ok(if frame < index.len() { Some((index.clone(), index.bodies(target)?)) } else { None })
-    });
-    let Some((index, names)) = found.await? else {
-        let problem = missing(&format!("frame {frame}"), status);
-        return Err(if status.is_terminal() { problem } else { problem.retry_after(1) });
-    };
+    let index = source.with_frame(&api, frame, status).await?;
+    let names = source.read(&api, |index, target| index.bodies(target).map(Some)).await?.unwrap_or_default();
     let selection = Selection::new(names, &query.body, most as usize).map_err(refused)?;
     let bodies: Vec<String> = selection.bodies().iter().map(usize::to_string).collect();
     let (name, bodies) = (format.name(), bodies.join("."));
@@ -129,12 +119,17 @@ pub async fn export(
         let _reader = api.frames.readers.acquire().await.map_err(internal)?;
         tokio::task::spawn_blocking(write).await.map_err(internal)?.map_err(refused)?
     };
+    let kind = if format == Format::Csv { "text/csv; charset=utf-8" } else { "application/octet-stream" };
+    self::file(file, kind, &format!("gridfall-{id}.{frame:04}.{name}"), &version)
+}
+
+/// A file that was made for this answer, which browsers save under a name.
+pub(super) fn file(file: File, kind: &'static str, name: &str, version: &Version) -> Result<Response, Problem> {
     let length = file.metadata()?.len();
     let body = Body::from_stream(ReaderStream::with_capacity(tokio::fs::File::from_std(file), READ_BYTES));
-    let kind = if format == Format::Csv { "text/csv; charset=utf-8" } else { "application/octet-stream" };
     let mut answer = ([(header::CONTENT_TYPE, kind)], body).into_response();
-    let disposition = format!("attachment; filename=\"gridfall-{id}.{frame:04}.{name}\"");
-    let disposition = HeaderValue::try_from(disposition).expect("digits, letters and quotes are fit for a header");
+    let disposition = HeaderValue::try_from(format!("attachment; filename=\"{name}\""));
+    let disposition = disposition.expect("digits, letters and quotes are fit for a header");
     answer.headers_mut().insert(header::CONTENT_DISPOSITION, disposition);
     answer.headers_mut().insert(header::CONTENT_LENGTH, length.into());
     version.write(answer.headers_mut());

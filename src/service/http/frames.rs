@@ -108,7 +108,7 @@ pub async fn list(State(api): State<Api>, JobId(id): JobId) -> Result<Json<Frame
         index.look(target)?;
         let Some(newest) = index.len().checked_sub(1) else { return Ok(None) };
         let Some(cloud) = index.points(target, newest)? else { return Ok(None) };
-        let field = |name: &str| FrameField { name: name.to_owned(), unit: unit(name) };
+        let field = |name: &str| FrameField { name: name.to_owned(), unit: recording::unit(name) };
         let fields = cloud.fields().into_iter().map(field).collect();
         Ok(Some(FrameList { frames: index.len(), points: cloud.len() as u64, fields }))
     });
@@ -195,17 +195,6 @@ fn packed(frame: u64, points: &FramePoints) -> Vec<u8> {
     bytes
 }
 
-fn unit(field: &str) -> &'static str {
-    match field {
-        "speed" | "vx" | "vy" | "vz" => "m/s",
-        "von_mises" | "pressure" => "Pa",
-        "J" | "plastic_strain" => "1",
-        field if field.starts_with("stress_") => "Pa",
-        field if field.starts_with("strain_") => "1",
-        _ => "",
-    }
-}
-
 /// The recording of a job's attempt.
 pub(super) struct Source {
     pub files: AttemptFiles,
@@ -218,6 +207,21 @@ impl Source {
         let (files, job) = find(api, id).await?;
         let index = api.frames.of(id, job.attempt);
         Ok((Self { files, attempt: job.attempt, index }, job.status))
+    }
+
+    /// Where the frames are, among them this one.
+    pub async fn with_frame(&self, api: &Api, frame: u64, status: Status) -> Result<FrameIndex, Problem> {
+        let found = self.read(api, move |index, target| {
+            // A frame that was found stays where it is.
+            if frame >= index.len() {
+                index.look(target)?;
+            }
+            Ok((frame < index.len()).then(|| index.clone()))
+        });
+        found.await?.ok_or_else(|| {
+            let problem = missing(&format!("frame {frame}"), status);
+            if status.is_terminal() { problem } else { problem.retry_after(1) }
+        })
     }
 
     /// Reads on a thread that may wait; `None` where there is no recording yet, or what is asked for is not in it.

@@ -13,7 +13,7 @@ use super::openapi::{self, Description};
 use super::state::Api;
 use super::{
     assets, cors, dashboard, devices, docs, encoding, events, exports, frames, groups, guard, health, index, jobs,
-    layers, library, live, load, materials, metrics, outputs, scenes,
+    layers, library, live, load, materials, metrics, outputs, pictures, scenes, surfaces,
 };
 
 /// All routes of the API, and their OpenAPI document.
@@ -52,8 +52,11 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         // /v1/jobs/{id}/frames, /v1/jobs/{id}/frames/{frame}/points
         .routes(routes!(frames::list))
         .routes(routes!(frames::points))
-        // /v1/jobs/{id}/frames/{frame}/export
+        // /v1/jobs/{id}/frames/{frame}/export, /v1/jobs/{id}/frames/{frame}/surface
         .routes(routes!(exports::export))
+        .routes(routes!(surfaces::surface))
+        // /v1/jobs/{id}/frames/{frame}/picture.png
+        .routes(routes!(pictures::picture))
         // /v1/jobs/{id}/live
         .routes(routes!(live::live))
         // /v1/scenes:validate

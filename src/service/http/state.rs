@@ -8,6 +8,7 @@ use tokio::sync::Semaphore;
 
 use super::frames::Indexes;
 use super::metrics::Metrics;
+use super::sceneries::Sceneries;
 use super::watch::Watches;
 use crate::jobs;
 use crate::store::{DataDir, JobStore};
@@ -100,6 +101,7 @@ pub struct Api {
     pub(super) metrics: Arc<Metrics>,
     pub(super) watches: Arc<Watches>,
     pub(super) frames: Arc<Indexes>,
+    pub(super) sceneries: Arc<Sceneries>,
 }
 
 impl Api {
@@ -108,6 +110,7 @@ impl Api {
             metrics: Arc::new(Metrics::new(&worker.counters)),
             watches: Arc::default(),
             frames: Arc::default(),
+            sceneries: Arc::default(),
             validations: Arc::new(Semaphore::new(config.max_validations)),
             judges: Arc::new(judges()),
             in_flight: Arc::new(Semaphore::new(config.max_in_flight)),

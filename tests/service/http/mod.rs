@@ -14,5 +14,6 @@ mod manners;
 mod materials;
 mod openapi;
 mod outputs;
+mod pictures;
 pub mod support;
 mod watching;

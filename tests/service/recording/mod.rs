@@ -8,6 +8,8 @@ mod exports;
 mod far;
 mod fixture;
 mod frames;
+mod pictures;
 mod recovery;
 mod resuming;
 mod states;
+mod surfaces;

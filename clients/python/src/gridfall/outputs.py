@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import httpx
 import numpy as np
@@ -81,6 +82,53 @@ def job_scene(manners: Manners, job: Job | str) -> Talk[Scene]:
 def thumbnail(manners: Manners, job: Job | str) -> Talk[Picture]:
     """A picture of the last frame of a job that has ended: the bytes of a PNG, which notebooks show."""
     return Picture((yield from ask(manners, Call("GET", f"{path(job)}/thumbnail.png"))).body)
+
+
+def picture(
+    manners: Manners,
+    job: Job | str,
+    frame: int,
+    *,
+    size: tuple[int, int] | None = None,
+    camera: str | None = None,
+    color_by: str | None = None,
+    color_range: tuple[float, float] | None = None,
+    bodies: Sequence[str] = (),
+) -> Talk[Picture]:
+    """A picture of a frame: the bytes of a PNG, which notebooks show.
+
+    - size: width and height (pixels).
+    - camera: such as `azimuth=30,elevation=20,zoom=2`; what is left out is chosen so that all is seen.
+    - color_by: a field of the points, or `body`; the recorded colours without it.
+    - color_range: values of the field with the first and the last colour.
+    - bodies: names of those that are drawn; all without any.
+    """
+    params = {
+        "size": size and f"{size[0]}x{size[1]}",
+        "camera": camera,
+        "color_by": color_by,
+        "range": color_range and f"{color_range[0]},{color_range[1]}",
+        "body": ",".join(bodies),
+    }
+    given = {name: value for name, value in params.items() if value}
+    call = Call("GET", f"{path(job)}/frames/{frame}/picture.png", params=given, timeout_s=300)
+    return Picture((yield from ask(manners, call)).body)
+
+
+def surface(
+    manners: Manners,
+    job: Job | str,
+    frame: int,
+    *,
+    form: Literal["obj", "ply", "glb"] = "glb",
+    bodies: Sequence[str] = (),
+    max_points: int | None = None,
+) -> Talk[bytes]:
+    """The surfaces of the bodies in a frame of a 3D scene: the bytes of a file of meshes."""
+    params = {"format": form, "body": ",".join(bodies), "max_points": str(max_points or "")}
+    given = {name: value for name, value in params.items() if value}
+    call = Call("GET", f"{path(job)}/frames/{frame}/surface", params=given, timeout_s=300)
+    return (yield from ask(manners, call)).body
 
 
 def state(manners: Manners, job: Job | str) -> Talk[dict[str, NDArray[Any]]]:

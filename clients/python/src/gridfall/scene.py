@@ -132,6 +132,41 @@ Precision = Literal["f32", "f64"]
 """A choice of precision."""
 
 
+PresetName = Literal[
+    "water", "seawater", "glycerine", "natural-rubber", "soft-rubber", "tyre-rubber", "silicone", "jelly",
+    "gelatine", "foam", "cork", "steel", "aluminium", "copper", "lead", "dry-sand", "dense-sand", "wet-sand",
+    "gravel", "soft-clay", "stiff-clay", "snow", "powder-snow", "wet-snow", "concrete", "ice"
+]
+"""A material that people know; `gridfall material` says where its values are from.
+- `water`: Fresh water at 20 °C, with a numerical bulk modulus.
+- `seawater`: Water with 35 g/kg of salt at 20 °C, with a numerical bulk modulus.
+- `glycerine`: Pure glycerine at 20 °C, a thousand times as viscous as water; syrup and honey are alike.
+- `natural-rubber`: Vulcanised natural rubber without fillers, as in rubber bands.
+- `soft-rubber`: Rubber of 25 Shore A, as in erasers and soft seals.
+- `tyre-rubber`: Rubber of 60 Shore A, filled with carbon black, as in tyres and shoe soles.
+- `silicone`: PDMS (Sylgard 184, 10 : 1), cured at room temperature.
+- `jelly`: A dessert: 20 parts of water to one of gelatine.
+- `gelatine`: Nine parts of water to one of gelatine, as in phantoms of tissue and targets of ballistics.
+- `foam`: Flexible open-cell polyurethane of 30 kg/m³, as in cushions.
+- `cork`: Cork as one pulls it out of bottles: hardly wider when it is pressed.
+- `steel`: Structural steel S 235, with its real modulus.
+- `aluminium`: The aluminium of profiles, frames and machined parts.
+- `copper`: Hot-rolled C11000, the copper of pipes and wires.
+- `lead`: Chemical lead, so soft that a fall dents it.
+- `dry-sand`: Poured quartz sand, as in hourglasses: 33° at constant volume, no dilatancy.
+- `dense-sand`: Compacted dry quartz sand at its peak strength.
+- `wet-sand`: Moist fine sand, as in sandcastles: bridges of water hold the grains.
+- `gravel`: Angular gravel, as under railway tracks.
+- `soft-clay`: Saturated clay that fingers mould easily, undrained: φ = 0, and the cohesion is s_u.
+- `stiff-clay`: Saturated clay that a thumb dents with effort, undrained: φ = 0, and the cohesion is s_u.
+- `snow`: Snow as for snowballs: the paper's own parameters.
+- `powder-snow`: Dry settled snow: it breaks sooner under compression and tension, into powder.
+- `wet-snow`: Heavy, muddy snow: softer and more ductile.
+- `concrete`: Plain concrete, 30 MPa in compression and 2.9 MPa in tension.
+- `ice`: Fresh-water ice at −10 °C, hit fast: 10 MPa in compression and 1.4 MPa in tension.
+"""
+
+
 Sampling = Literal["regular", "jittered", "poisson-disk", "conforming"]
 """- `regular`: A lattice of spacing dx / ppc^(1/d), half a spacing from the grid lines.
 - `jittered`: One point drawn uniformly in each cell of that lattice, seeded.
@@ -173,7 +208,7 @@ class Body(Part):
     - deformation_gradient: Initial deformation gradient, d × d; not together with `J`.
     - friction: Coulomb friction coefficient; for `separate` only. Of two bodies' the smaller counts.
     - grips: Regions that hold the body, or move it.
-    - material: Name of an entry of `materials`.
+    - material: Name of an entry of `materials`, or a material as it would be there.
     - name
     - particles_per_cell: Particles per cell; 8 by default (2D: 4). A d-th power of a whole number if the
       sampling is `regular` or `jittered`.
@@ -185,12 +220,12 @@ class Body(Part):
     """
 
     known = True
-    material: str = field(metadata=member())
-    """Name of an entry of `materials`."""
+    material: str | MaterialPart | Json = field(metadata=member(of="Material"))
+    """Name of an entry of `materials`, or a material as it would be there."""
     name: str = field(metadata=member())
     J: float | None = field(default=None, metadata=member())
     """Initial volume ratio."""
-    angular_velocity: float | Vector | None = field(default=None, metadata=member())
+    angular_velocity: Vector | float | None = field(default=None, metadata=member())
     """Initial spin about the centre of the body's particles (rad/s); one number in 2D."""
     contact: ContactKind | None = field(default=None, metadata=member())
     """Contact with other bodies, in explicit runs: `separate` slides on all others and parts from them, `slip`
@@ -356,6 +391,7 @@ class DruckerPrager(MaterialPart):
     - dilatancy_angle_degrees: Angle by which flow dilates (degrees), from 0 to the friction angle; 0 keeps the
       volume. Default: 0.0.
     - friction_angle_degrees: Angle of internal friction (degrees), in [0, 90).
+    - origin: Name of the preset that the values began with, as the program writes it; nothing depends on it.
     - poissons_ratio: Poisson's ratio, in (-1, 0.5).
     - youngs_modulus: Young's modulus (Pa).
     """
@@ -375,6 +411,8 @@ class DruckerPrager(MaterialPart):
     """The stress state in which the angles hold."""
     dilatancy_angle_degrees: float | None = field(default=None, metadata=member())
     """Angle by which flow dilates (degrees), from 0 to the friction angle; 0 keeps the volume."""
+    origin: str | None = field(default=None, metadata=member())
+    """Name of the preset that the values began with, as the program writes it; nothing depends on it."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -385,6 +423,7 @@ class FixedCorotated(MaterialPart):
     - damping: Damping time (s): a swing of f Hz has π f times as much of the critical damping. Explicit
       integration only. Default: 0.0.
     - density: Mass density at rest (kg/m³).
+    - origin: Name of the preset that the values began with, as the program writes it; nothing depends on it.
     - poissons_ratio: Poisson's ratio, in (-1, 0.5).
     - youngs_modulus: Young's modulus (Pa).
     """
@@ -398,6 +437,8 @@ class FixedCorotated(MaterialPart):
     """Young's modulus (Pa)."""
     damping: float | None = field(default=None, metadata=member())
     """Damping time (s): a swing of f Hz has π f times as much of the critical damping. Explicit integration only."""
+    origin: str | None = field(default=None, metadata=member())
+    """Name of the preset that the values began with, as the program writes it; nothing depends on it."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -556,6 +597,7 @@ class MohrCoulomb(MaterialPart):
     - dilatancy_angle_degrees: Angle by which flow dilates (degrees), from 0 to the friction angle; 0 keeps the
       volume. Default: 0.0.
     - friction_angle_degrees: Angle of internal friction (degrees), in [0, 90).
+    - origin: Name of the preset that the values began with, as the program writes it; nothing depends on it.
     - poissons_ratio: Poisson's ratio, in (-1, 0.5).
     - youngs_modulus: Young's modulus (Pa).
     """
@@ -573,6 +615,8 @@ class MohrCoulomb(MaterialPart):
     """Shear strength without pressure (Pa)."""
     dilatancy_angle_degrees: float | None = field(default=None, metadata=member())
     """Angle by which flow dilates (degrees), from 0 to the friction angle; 0 keeps the volume."""
+    origin: str | None = field(default=None, metadata=member())
+    """Name of the preset that the values began with, as the program writes it; nothing depends on it."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -590,7 +634,7 @@ class Motion(Part):
     """
 
     known = True
-    angular_velocity: float | Vector | None = field(default=None, metadata=member())
+    angular_velocity: Vector | float | None = field(default=None, metadata=member())
     """rad/s about `center`; one number in 2D."""
     axis: Vector | None = field(default=None, metadata=member())
     """Axis of the keyframes' angles (3D); default z."""
@@ -616,6 +660,7 @@ class Nacc(MaterialPart):
     - alpha0: Initial logarithm of the plastic volume ratio; the more negative, the stronger.
     - beta: Cohesion: the tension at the surface's tip as a share of the compression at the other.
     - density: Mass density at rest (kg/m³).
+    - origin: Name of the preset that the values began with, as the program writes it; nothing depends on it.
     - poissons_ratio: Poisson's ratio, in (-1, 0.5).
     - xi: Hardening factor.
     - youngs_modulus: Young's modulus (Pa).
@@ -636,6 +681,8 @@ class Nacc(MaterialPart):
     """Hardening factor."""
     youngs_modulus: float = field(metadata=member())
     """Young's modulus (Pa)."""
+    origin: str | None = field(default=None, metadata=member())
+    """Name of the preset that the values began with, as the program writes it; nothing depends on it."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -646,6 +693,7 @@ class NeoHookean(MaterialPart):
     - damping: Damping time (s): a swing of f Hz has π f times as much of the critical damping. Explicit
       integration only. Default: 0.0.
     - density: Mass density at rest (kg/m³).
+    - origin: Name of the preset that the values began with, as the program writes it; nothing depends on it.
     - poissons_ratio: Poisson's ratio, in (-1, 0.5).
     - youngs_modulus: Young's modulus (Pa).
     """
@@ -659,6 +707,8 @@ class NeoHookean(MaterialPart):
     """Young's modulus (Pa)."""
     damping: float | None = field(default=None, metadata=member())
     """Damping time (s): a swing of f Hz has π f times as much of the critical damping. Explicit integration only."""
+    origin: str | None = field(default=None, metadata=member())
+    """Name of the preset that the values began with, as the program writes it; nothing depends on it."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -774,6 +824,7 @@ class Snow(MaterialPart):
     - density: Mass density at rest (kg/m³).
     - hardening: Hardening ξ: moduli grow by e^(ξ (1 - Jp)), Jp the plastic volume ratio; 0 for none. Default:
       10.0.
+    - origin: Name of the preset that the values began with, as the program writes it; nothing depends on it.
     - poissons_ratio: Poisson's ratio, in (-1, 0.5).
     - youngs_modulus: Young's modulus (Pa).
     """
@@ -791,6 +842,8 @@ class Snow(MaterialPart):
     """Largest elastic extension θs: stretches stay below 1 + θs."""
     hardening: float | None = field(default=None, metadata=member())
     """Hardening ξ: moduli grow by e^(ξ (1 - Jp)), Jp the plastic volume ratio; 0 for none."""
+    origin: str | None = field(default=None, metadata=member())
+    """Name of the preset that the values began with, as the program writes it; nothing depends on it."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -833,7 +886,7 @@ class Source(Part):
 
     Fields:
     - from_: Time from which it emits (s); from the start by default.
-    - material: Name of an entry of `materials`.
+    - material: Name of an entry of `materials`, or a material as it would be there.
     - name: Its own among bodies and sources.
     - particles_per_cell: Particles per cell, a d-th power of a whole number; 8 by default (2D: 4).
     - sampling: `regular`, the only one for streams. Default: "regular".
@@ -843,8 +896,8 @@ class Source(Part):
     """
 
     known = True
-    material: str = field(metadata=member())
-    """Name of an entry of `materials`."""
+    material: str | MaterialPart | Json = field(metadata=member(of="Material"))
+    """Name of an entry of `materials`, or a material as it would be there."""
     name: str = field(metadata=member())
     """Its own among bodies and sources."""
     shape: ShapePart | Json = field(metadata=member(of="Shape"))
@@ -901,6 +954,7 @@ class StvkHencky(MaterialPart):
     - damping: Damping time (s): a swing of f Hz has π f times as much of the critical damping. Explicit
       integration only. Default: 0.0.
     - density: Mass density at rest (kg/m³).
+    - origin: Name of the preset that the values began with, as the program writes it; nothing depends on it.
     - poissons_ratio: Poisson's ratio, in (-1, 0.5).
     - youngs_modulus: Young's modulus (Pa).
     """
@@ -914,6 +968,8 @@ class StvkHencky(MaterialPart):
     """Young's modulus (Pa)."""
     damping: float | None = field(default=None, metadata=member())
     """Damping time (s): a swing of f Hz has π f times as much of the critical damping. Explicit integration only."""
+    origin: str | None = field(default=None, metadata=member())
+    """Name of the preset that the values began with, as the program writes it; nothing depends on it."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -957,6 +1013,7 @@ class VonMises(MaterialPart):
       integration only. Default: 0.0.
     - density: Mass density at rest (kg/m³).
     - elasticity: The elastic law below the yield stress. Default: "hencky".
+    - origin: Name of the preset that the values began with, as the program writes it; nothing depends on it.
     - poissons_ratio: Poisson's ratio, in (-1, 0.5).
     - yield_stress: Yield stress in uniaxial tension (Pa).
     - youngs_modulus: Young's modulus (Pa).
@@ -975,6 +1032,8 @@ class VonMises(MaterialPart):
     """Damping time (s): a swing of f Hz has π f times as much of the critical damping. Explicit integration only."""
     elasticity: Elasticity | None = field(default=None, metadata=member())
     """The elastic law below the yield stress."""
+    origin: str | None = field(default=None, metadata=member())
+    """Name of the preset that the values began with, as the program writes it; nothing depends on it."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -1000,6 +1059,7 @@ class WeaklyCompressibleFluid(MaterialPart):
     - bulk_modulus: Bulk modulus at rest (Pa).
     - density: Mass density at rest (kg/m³).
     - gamma: Exponent of the equation of state; 7.15 by default.
+    - origin: Name of the preset that the values began with, as the program writes it; nothing depends on it.
     - viscosity: Dynamic viscosity (Pa·s). Default: 0.0.
     """
 
@@ -1010,6 +1070,8 @@ class WeaklyCompressibleFluid(MaterialPart):
     """Mass density at rest (kg/m³)."""
     gamma: float | None = field(default=None, metadata=member())
     """Exponent of the equation of state; 7.15 by default."""
+    origin: str | None = field(default=None, metadata=member())
+    """Name of the preset that the values began with, as the program writes it; nothing depends on it."""
     viscosity: float | None = field(default=None, metadata=member())
     """Dynamic viscosity (Pa·s)."""
 
@@ -1039,6 +1101,65 @@ class Union(ShapesPart):
 
 
 @dataclass(kw_only=True, repr=False)
+class Preset(MaterialPart):
+    """A material that people know. Parameters of its model that are given beside its name replace its own.
+
+    Fields:
+    - preset: Its name.
+    - cohesion: Shear strength without pressure (Pa).
+    - density: Mass density at rest (kg/m³).
+    - dilatancy_angle_degrees: Angle by which flow dilates (degrees), from 0 to the friction angle; 0 keeps the
+      volume.
+    - friction_angle_degrees: Angle of internal friction (degrees), in [0, 90).
+    - poissons_ratio: Poisson's ratio, in (-1, 0.5).
+    - youngs_modulus: Young's modulus (Pa).
+    - damping: Damping time (s): a swing of f Hz has π f times as much of the critical damping. Explicit
+      integration only.
+    - critical_compression: Largest elastic compression θc: stretches stay above 1 - θc; in [0, 1).
+    - critical_stretch: Largest elastic extension θs: stretches stay below 1 + θs.
+    - hardening: Hardening ξ: moduli grow by e^(ξ (1 - Jp)), Jp the plastic volume ratio; 0 for none.
+    - elasticity: The elastic law below the yield stress.
+    - yield_stress: Yield stress in uniaxial tension (Pa).
+    - bulk_modulus: Bulk modulus at rest (Pa).
+    - gamma: Exponent of the equation of state; 7.15 by default.
+    - viscosity: Dynamic viscosity (Pa·s).
+    """
+
+    preset: PresetName = field(metadata=member())
+    """Its name."""
+    cohesion: float | None = field(default=None, metadata=member())
+    """Shear strength without pressure (Pa)."""
+    density: float | None = field(default=None, metadata=member())
+    """Mass density at rest (kg/m³)."""
+    dilatancy_angle_degrees: float | None = field(default=None, metadata=member())
+    """Angle by which flow dilates (degrees), from 0 to the friction angle; 0 keeps the volume."""
+    friction_angle_degrees: float | None = field(default=None, metadata=member())
+    """Angle of internal friction (degrees), in [0, 90)."""
+    poissons_ratio: float | None = field(default=None, metadata=member())
+    """Poisson's ratio, in (-1, 0.5)."""
+    youngs_modulus: float | None = field(default=None, metadata=member())
+    """Young's modulus (Pa)."""
+    damping: float | None = field(default=None, metadata=member())
+    """Damping time (s): a swing of f Hz has π f times as much of the critical damping. Explicit integration only."""
+    critical_compression: float | None = field(default=None, metadata=member())
+    """Largest elastic compression θc: stretches stay above 1 - θc; in [0, 1)."""
+    critical_stretch: float | None = field(default=None, metadata=member())
+    """Largest elastic extension θs: stretches stay below 1 + θs."""
+    hardening: float | None = field(default=None, metadata=member())
+    """Hardening ξ: moduli grow by e^(ξ (1 - Jp)), Jp the plastic volume ratio; 0 for none."""
+    elasticity: Elasticity | None = field(default=None, metadata=member())
+    """The elastic law below the yield stress."""
+    yield_stress: float | None = field(default=None, metadata=member())
+    """Yield stress in uniaxial tension (Pa)."""
+    bulk_modulus: float | None = field(default=None, metadata=member())
+    """Bulk modulus at rest (Pa)."""
+    gamma: float | None = field(default=None, metadata=member())
+    """Exponent of the equation of state; 7.15 by default."""
+    viscosity: float | None = field(default=None, metadata=member())
+    """Dynamic viscosity (Pa·s)."""
+
+
+@dataclass(kw_only=True, repr=False)
 class Scene(Part):
     """A complete scene.
 
@@ -1051,7 +1172,7 @@ class Scene(Part):
     - domain: Where it takes place, and on what grid.
     - gravity: Gravitational acceleration (m/s²); defaults to zero.
     - gridfall: Version of the scene format; 1.
-    - materials: Materials by name; bodies and sources name them.
+    - materials: Materials by name; those that stand in bodies get the names of these.
     - name: What the scene, and by default its jobs, are called.
     - output: What is recorded.
     - seed: Of everything that is drawn at random; the same seed gives the same run. Default: 1.
@@ -1068,8 +1189,6 @@ class Scene(Part):
     """Where it takes place, and on what grid."""
     gridfall: int = field(default=1, metadata=member())
     """Version of the scene format; 1."""
-    materials: Mapping[str, MaterialPart | Json] = field(metadata=member(of="{Material}"))
-    """Materials by name; bodies and sources name them."""
     name: str = field(metadata=member())
     """What the scene, and by default its jobs, are called."""
     time: Time | Json = field(metadata=member(of="Time"))
@@ -1084,6 +1203,8 @@ class Scene(Part):
     """2 (plane strain) or 3."""
     gravity: Vector | None = field(default=None, metadata=member())
     """Gravitational acceleration (m/s²); defaults to zero."""
+    materials: Mapping[str, MaterialPart | Json] | None = field(default=None, metadata=member(of="{Material}"))
+    """Materials by name; those that stand in bodies get the names of these."""
     output: Output | Json | None = field(default=None, metadata=member(of="Output"))
     """What is recorded."""
     seed: int | None = field(default=None, metadata=member())

@@ -3,6 +3,7 @@
 import { cancel, hasEnded, remove, rerun } from "./actions.js";
 import { follow, get } from "./api.js";
 import { announce, h, prose, text } from "./dom.js";
+import { drawnFrame } from "./drawing.js";
 import { count, duration, many, number, ordinal, percent, when } from "./format.js";
 import { badge } from "./jobs.js";
 import { downloads, viewers } from "./outputs.js";
@@ -31,7 +32,7 @@ export function job(main, id, signal) {
   const errors = h("div", { role: "alert" });
   const facts = h("dl", { class: "facts" });
   const moving = preview(id, signal);
-  const picture = h("figure", { class: "picture", hidden: true });
+  const picture = h("div", {});
   const charts = h("div", { class: "plots" });
   const noCharts = h("p", { class: "note" }, "The plots come with the first frames.");
   const drawn = plots(charts);
@@ -148,9 +149,7 @@ export function job(main, id, signal) {
 
   function pictureOf(now) {
     if (!hasEnded(now) || !now.progress.frames_written || picture.childElementCount) return;
-    const image = h("img", { src: `/v1/jobs/${id}/thumbnail.png`, alt: `The last frame of ${now.name}` });
-    image.addEventListener("load", () => (picture.hidden = false));
-    picture.append(image, h("figcaption", { class: "note" }, "The last frame"));
+    picture.append(drawnFrame(now, signal));
   }
 
   function details(now) {
