@@ -41,6 +41,11 @@ fn names_of_physics_usd_and_comments_make_the_same_scene() {
     usd["domain"]["boundary"]["z-"] = json!({ "contact": "separate", "physics:dynamicFriction": 0.3 });
     assert_eq!(scene::from_value(&usd).unwrap(), scene::from_value(&good()).unwrap());
 
+    usd["materials"]["jelly"] = json!({ "preset": "jelly", "youngsModulus": 2e4 });
+    let of_a_preset = scene::from_value(&usd).unwrap().materials.remove("jelly").unwrap();
+    usd["materials"]["jelly"] = json!({ "preset": "jelly", "youngs_modulus": 2e4 });
+    assert_eq!(of_a_preset, scene::from_value(&usd).unwrap().materials["jelly"]);
+
     let faults = |change: (&str, serde_json::Value)| {
         let faults = scene::from_value(&changed(good(), &[change])).unwrap_err();
         faults.iter().map(|fault| format!("{} {}", fault.pointer, fault.code)).collect::<Vec<_>>()

@@ -31,7 +31,7 @@ pub const SCENE: &[Layer] = &[
     ("size", &["fault"]),
     ("spelling", &[]),
     ("structure", &["schema", "fault", "suggest", "spelling"]),
-    ("presets", &["schema", "fault", "suggest", "structure"]),
+    ("presets", &["schema", "fault", "suggest", "spelling", "structure"]),
     ("mesh", &["schema"]),
     ("npz", &["vectors"]),
     ("points", &["mesh", "npz"]),

@@ -43,7 +43,12 @@ pub fn page() -> String {
     for (name, heading) in PARTS {
         text += &page.part(name, heading, 2);
     }
-    text += "\n## Materials\n\n`materials` has a name for each. `model` says which law it follows.\n";
+    text += "\n## Materials\n";
+    text += &wrapped(
+        "`materials` has a name for each. `model` says which law it follows. With `preset` in its place a material \
+         begins with the values of one that people know ([presets](../PRESETS.md)), and what stands beside replaces \
+         them. [Materials](../MATERIALS.md) says which one to take.",
+    );
     for (model, name) in page.materials() {
         text += &page.part(&name, &model, 3);
     }
@@ -74,7 +79,7 @@ impl Page<'_> {
     }
 
     fn materials(&self) -> Vec<(String, String)> {
-        let rules = self.definitions["Material"]["allOf"].as_array().expect("materials have models");
+        let rules = self.definitions["Material"]["else"]["allOf"].as_array().expect("materials have models");
         let of = |rule: &Value| {
             let model = rule["if"]["properties"]["model"]["const"].as_str()?.to_owned();
             Some((model, referred(&rule["then"])?.to_owned()))
@@ -92,8 +97,10 @@ impl Page<'_> {
         let fields = definition["properties"].as_object().expect("parts have fields");
         let required =
             |field: &str| definition["required"].as_array().is_some_and(|all| all.iter().any(|f| f == field));
-        let mut fields: Vec<_> =
-            fields.iter().filter(|(field, _)| !matches!(field.as_str(), "$comment" | "$schema" | "model")).collect();
+        let mut fields: Vec<_> = fields
+            .iter()
+            .filter(|(field, _)| !matches!(field.as_str(), "$comment" | "$schema" | "model" | "origin"))
+            .collect();
         fields.sort_by_key(|(field, _)| !required(field));
         if fields.is_empty() {
             return text;

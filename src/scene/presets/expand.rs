@@ -7,6 +7,7 @@ use super::inline::move_out;
 use super::{find, suggestion};
 use crate::fault::{Fault, Faults, join};
 use crate::schema::{Homes, SceneMaterial};
+use crate::spelling::{self, Spelling};
 use crate::suggest::quote;
 
 /// Makes the materials of a document whole. Returns where those were written that have moved.
@@ -44,8 +45,14 @@ fn expand_one(material: &mut Value, at: &str) -> Result<(), Fault> {
         };
         return Err(fault("model", "model_differs", reason, remedy));
     }
-    let mut whole = preset.members();
-    whole.append(fields);
+    let values = preset.members();
+    let mut whole = values.clone();
+    for (spelled, value) in std::mem::take(fields) {
+        match spelling::meant(&spelled, &value, &values) {
+            Spelling::Name(name) if !whole.contains_key(&spelled) => whole.insert(name.to_owned(), value),
+            _ => whole.insert(spelled, value),
+        };
+    }
     whole.insert("origin".into(), json!(name));
     // Without faults it gets what the model has by default. Otherwise they are found later, in this.
     let read = serde_json::from_value::<SceneMaterial>(Value::Object(whole.clone()));
