@@ -180,7 +180,7 @@ fn diagonal(stretches: [f64; 3]) -> Matrix<f64, 3> {
     std::array::from_fn(|i| std::array::from_fn(|k| if i == k { stretches[i] } else { 0.0 }))
 }
 
-/// Of a matrix that is diagonal but for the first row.
+/// Of a matrix that is diagonal but for row 0, column 1.
 fn inverse(f: &Matrix<f64, 3>) -> Matrix<f64, 3> {
     let mut inverse = diagonal([1.0 / f[0][0], 1.0 / f[1][1], 1.0 / f[2][2]]);
     inverse[0][1] = -f[0][1] / (f[0][0] * f[1][1]);
