@@ -82,9 +82,10 @@ pub async fn judge<T: Send + 'static>(
         if let Some(asset) = start {
             begin_with(&mut document, &asset);
         }
-        let judged = judges.install(|| admit(document, &overrides, &limits, &assets));
+        // All of it: what is computed outside waits for threads that a simulation keeps busy.
+        let judged = judges.install(|| admit(document, &overrides, &limits, &assets).map(with));
         counters.stage("validate", started.elapsed());
-        judged.map(with).map_err(Problem::invalid_scene)
+        judged.map_err(Problem::invalid_scene)
     });
     judged.await.map_err(internal)?
 }
