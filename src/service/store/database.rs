@@ -15,6 +15,8 @@ use super::{Result, StoreError};
 const CONNECT_PATIENCE: Duration = Duration::from_secs(10);
 /// How long a query waits for a connection. A request that waits longer fails.
 const ACQUIRE_PATIENCE: Duration = Duration::from_secs(10);
+/// Connections that read from SQLite.
+const READERS: u32 = 4;
 /// Connections to PostgreSQL.
 const CONNECTIONS: u32 = 8;
 
@@ -67,7 +69,9 @@ impl Database {
         let writer = writer.connect_with(options).await?;
         sqlx::migrate!("store/migrations/sqlite").run(&writer).await?;
         let options = AnyConnectOptions::from_str(&format!("{url}?mode=ro"))?;
-        let reader = AnyPoolOptions::new().max_connections(4).connect_with(options).await?;
+        // All at once: one that a worker's thread opens later has a thread of SQLite that yields, as the worker's does.
+        let reader = AnyPoolOptions::new().min_connections(READERS).max_connections(READERS);
+        let reader = reader.connect_with(options).await?;
         Ok(Self { dialect: Dialect::Sqlite, writer, reader })
     }
 
