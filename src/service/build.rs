@@ -11,7 +11,7 @@ fn main() {
     write("library.rs", &list("SCENES", "&str", "include_str", scenes));
 
     let pages = files("docs", &["md"]);
-    let pictures = files("docs", &["png"]);
+    let pictures = files("docs", &["png", "svg"]);
     let named = |files: &'static [(String, PathBuf)]| files.iter().map(|(name, path)| (name.clone(), path));
     let (pages, pictures) = (pages.leak(), pictures.leak());
     let code = list("PAGES", "&str", "include_str", named(pages))

@@ -41,8 +41,9 @@ async fn page(Path(name): Path<String>, uri: Uri, headers: HeaderMap) -> Result<
     if let Some(page) = book.page(&name) {
         return send("text/html; charset=utf-8", page.as_bytes(), &headers);
     }
+    let kind = if name.ends_with(".svg") { "image/svg+xml" } else { "image/png" };
     match book.picture(&name) {
-        Some(picture) => send("image/png", picture, &headers),
+        Some(picture) => send(kind, picture, &headers),
         None => Err(route_not_found(uri).await),
     }
 }
