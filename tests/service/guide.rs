@@ -54,18 +54,31 @@ fn script(blocks: &[(String, String)], port: u16) -> String {
     script.replace("8080", &port.to_string())
 }
 
-fn run(name: &str, script: &str) {
+/// The interpreter that has what the Python package needs.
+fn python() -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap().join("python/bin/python")
+}
+
+/// Installs the Python package into a folder of its own.
+fn install_package(folder: &Path) {
+    let build = "cd \"$1\" && \"$0\" -m flit_core.wheel --outdir \"$2\" . && \
+        \"$0\" -m pip install -q --no-index --no-deps --target \"$2\" \"$2\"/*.whl";
+    let client = Path::new(ROOT).join("clients/python");
+    let ran = Command::new("bash").args(["-c", build]).arg(python()).arg(client).arg(folder).output().unwrap();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+}
+
+fn run(name: &str, script: &str, package: &Path) {
     let folder = tempfile::tempdir().unwrap();
     let program = Path::new(env!("CARGO_BIN_EXE_gridfall"));
     let path = format!("{}:{}", program.parent().unwrap().display(), std::env::var("PATH").unwrap());
-    let python = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap().join("python/bin/python");
     let ran = Command::new("bash")
         .args(["-c", script])
         .current_dir(folder.path())
         .env("PATH", path)
         .env("GRIDFALL_BINARY", program)
-        .env("GUIDE_PYTHON", python)
-        .env("PYTHONPATH", Path::new(ROOT).join("clients/python/src"))
+        .env("GUIDE_PYTHON", python())
+        .env("PYTHONPATH", package)
         .env("PYTHONDONTWRITEBYTECODE", "1")
         .output()
         .unwrap();
@@ -76,13 +89,15 @@ fn run(name: &str, script: &str) {
 
 #[test]
 fn the_commands_of_every_page_run() {
+    let package = tempfile::tempdir().unwrap();
+    install_package(package.path());
     let mut run_pages = 0;
     for (name, blocks) in pages() {
         if !blocks.iter().any(|(mark, _)| mark.starts_with("sh") || mark == "python") {
             continue;
         }
         let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        run(&name, &script(&blocks, port));
+        run(&name, &script(&blocks, port), package.path());
         run_pages += 1;
     }
     assert!(run_pages >= 6, "only {run_pages} pages have commands");

@@ -75,7 +75,7 @@ fn values() -> Vec<(&'static str, Value)> {
         ("/domain/dx", json!(1e300)),
         ("/domain/dx", json!(5e-324)),
         ("/domain/dx", json!(1e-9)),
-        ("/domain/dx", json!(0.06)),
+        ("/domain/fit", json!("shrink")),
         ("/domain/dx", json!(true)),
         ("/domain/min", json!([])),
         ("/domain/min", json!([0])),
