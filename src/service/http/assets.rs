@@ -7,9 +7,9 @@ use axum::response::{IntoResponse, Response};
 
 use super::dto::{self, Asset, AssetList};
 use super::extract::{AssetBody, AssetId};
+use super::file::FileAnswer;
 use super::health::require_space;
 use super::openapi::PROBLEM;
-use super::outputs::FileAnswer;
 use super::problem::{Code, Problem, internal};
 use super::scenes::permit;
 use super::state::Api;

@@ -14,6 +14,7 @@ use utoipa::{IntoParams, ToSchema};
 use super::conditional::Version;
 use super::dto;
 use super::extract::Query;
+use super::file::READ_BYTES;
 use super::filters::commas;
 use super::frames::{JobFrame, Source};
 use super::openapi::PROBLEM;
@@ -24,9 +25,6 @@ use gridfall_recording::export::{self, ExportError, Format, Selection};
 
 /// Changes with what is written of the same frame.
 const EDITION: u32 = 1;
-/// How much of a file is read at a time (bytes).
-const READ_BYTES: usize = 64 << 10;
-
 /// What to export of a frame.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]

@@ -13,6 +13,7 @@ mod estimate;
 mod events;
 mod exports;
 mod extract;
+mod file;
 mod filters;
 mod follow;
 mod frames;

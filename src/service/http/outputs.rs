@@ -1,32 +1,27 @@
 //! Outputs of a job: its recording, a picture and its diagnostics.
 
 use std::io;
-use std::path::Path;
 
 use axum::Json;
 use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
+use axum::http::{HeaderMap, Method, header};
 use axum::response::{IntoResponse, Response};
 use tokio::fs::File;
-use tokio::io::{AsyncReadExt, AsyncSeekExt, SeekFrom};
+use tokio::io::AsyncReadExt;
 use tokio_util::io::ReaderStream;
 use uuid::Uuid;
 
-use super::conditional::Version;
 use super::dto::{self, RecordingQuery};
 use super::extract::{JobId, Query};
+use super::file::{FileAnswer, READ_BYTES, found};
 use super::follow::follow;
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
-use super::range::{Selection, select};
 use super::state::Api;
 use super::tables::{Diagnostics, DiagnosticsFormat, DiagnosticsPer, DiagnosticsQuery, Rows, SolverSteps};
 use crate::store::{AttemptFiles, Job, Status};
 use gridfall_recording::{self as recording, RecordingError};
-
-/// How much of a file is read at a time (bytes).
-const READ_BYTES: usize = 64 << 10;
 
 /// The recording (MCAP) of a job that has ended, by ranges if asked. Once there, it never changes,
 /// so a download may be resumed at any time. With `follow=true` it can be read while the job runs.
@@ -303,65 +298,6 @@ pub(super) fn missing(what: &str, status: Status) -> Problem {
         Status::Succeeded | Status::Failed | Status::Canceled => "the job ended before there was one",
     };
     Problem::new(Code::OutputNotFound, format!("there is no {what}: {why}"))
-}
-
-fn found<T>(result: io::Result<T>) -> io::Result<Option<T>> {
-    match result {
-        Ok(value) => Ok(Some(value)),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(error),
-    }
-}
-
-/// A file as the response to a `GET` or `HEAD`.
-pub(super) struct FileAnswer<'a> {
-    pub path: &'a Path,
-    pub content_type: &'static str,
-    /// File name that browsers save it under.
-    pub download: Option<&'a str>,
-}
-
-impl FileAnswer<'_> {
-    /// `None` if there is no such file.
-    pub async fn send(&self, method: &Method, request: &HeaderMap) -> Result<Option<Response>, Problem> {
-        let Some(mut file) = found(File::open(self.path).await)? else { return Ok(None) };
-        let metadata = file.metadata().await?;
-        let length = metadata.len();
-        let version = Version::of_file(length, metadata.modified()?);
-        if let Some(answer) = version.judge(method, request)? {
-            return Ok(Some(answer));
-        }
-        // Ranges apply only to GET.
-        let range = request.get(header::RANGE).filter(|_| version.has_range_of(request) && method == Method::GET);
-        let (status, part) = match select(range, length) {
-            Selection::Whole => (StatusCode::OK, 0..length),
-            Selection::Part(part) => (StatusCode::PARTIAL_CONTENT, part),
-            Selection::Unsatisfiable => {
-                let problem = Problem::new(Code::RangeNotSatisfiable, format!("the file has {length} bytes"));
-                return Err(problem.with_header(header::CONTENT_RANGE, ascii(format!("bytes */{length}"))));
-            }
-        };
-        file.seek(SeekFrom::Start(part.start)).await?;
-        let n = part.end - part.start;
-        let body = Body::from_stream(ReaderStream::with_capacity(file.take(n), READ_BYTES));
-        let mut response = (status, body).into_response();
-        let headers = response.headers_mut();
-        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(self.content_type));
-        headers.insert(header::CONTENT_LENGTH, n.into());
-        headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
-        version.write(headers);
-        if status == StatusCode::PARTIAL_CONTENT {
-            headers.insert(header::CONTENT_RANGE, ascii(format!("bytes {}-{}/{length}", part.start, part.end - 1)));
-        }
-        if let Some(name) = self.download {
-            headers.insert(header::CONTENT_DISPOSITION, ascii(format!("attachment; filename=\"{name}\"")));
-        }
-        Ok(Some(response))
-    }
-}
-
-fn ascii(text: String) -> HeaderValue {
-    HeaderValue::try_from(text).expect("digits, letters and quotes are fit for a header")
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use axum::extract::State;
 use axum::http::{HeaderMap, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
-use tokio::sync::OwnedSemaphorePermit;
+use tokio::sync::{OwnedSemaphorePermit, oneshot};
 use tokio::time::timeout;
 use uuid::Uuid;
 
@@ -69,25 +69,30 @@ pub async fn judge<T: Send + 'static>(
     let permit = permit(api).await?;
     let limits = Limits { max_work: api.config.max_work, ..api.config.limits };
     let scenes = api.data.scenes();
-    let judges = api.judges.clone();
     let (assets, counters, span) = (api.data.assets(), api.worker.counters.clone(), tracing::Span::current());
-    let judged = tokio::task::spawn_blocking(move || {
-        // Held here and not by the request: a client that disconnects does not make the work
-        // cheaper.
-        let (_permit, _room) = (permit, room);
-        let _span = span.entered();
+    let judged = move || {
         let started = Instant::now();
         let overrides: Vec<String> = request.overrides.iter().map(|(path, value)| format!("{path}={value}")).collect();
         let mut document = document(request.scene, request.scene_id, &scenes)?;
         if let Some(asset) = start {
             begin_with(&mut document, &asset);
         }
-        // All of it: what is computed outside waits for threads that a simulation keeps busy.
-        let judged = judges.install(|| admit(document, &overrides, &limits, &assets).map(with));
+        let judged = admit(document, &overrides, &limits, &assets).map(with);
         counters.stage("validate", started.elapsed());
         judged.map_err(Problem::invalid_scene)
+    };
+    let (answer, answered) = oneshot::channel();
+    // All of it on these threads: what is computed elsewhere waits for threads that a simulation keeps busy.
+    api.judges.spawn(move || {
+        // Held here and not by the request: a client that disconnects does not make the work
+        // cheaper.
+        let (_permit, _room) = (permit, room);
+        let _span = span.entered();
+        // A client that has left needs no answer.
+        let _ = answer.send(judged());
     });
-    judged.await.map_err(internal)?
+    // Without an answer where a judge panicked, which its log tells.
+    answered.await.map_err(internal)?
 }
 
 /// Makes the last state of a job an asset, and returns its id.

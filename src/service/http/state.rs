@@ -125,5 +125,6 @@ impl Api {
 
 fn judges() -> rayon::ThreadPool {
     let threads = rayon::ThreadPoolBuilder::new().thread_name(|n| format!("judge {n}"));
-    threads.build().expect("the system has room for a few more threads")
+    // A panic is reported where it happens, and its request is answered; the server goes on.
+    threads.panic_handler(|_| ()).build().expect("the system has room for a few more threads")
 }

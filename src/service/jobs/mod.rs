@@ -67,10 +67,22 @@ impl EngineSource for Devices {
 
 /// Lets other threads of the process go before this one. A simulation takes every processor there is, and requests
 /// need little, but soon. For the threads that simulate, those of rayon's global pool among them.
+///
+/// On Linux such a thread is of the idle class. A kernel that preempts lazily lets a thread that computes go on to the
+/// next tick, up to 4 ms, before one that has been woken, unless it is of this class: a request, which threads hand on
+/// to each other, waited once at each hand. The class means only that the other threads of the same session or control
+/// group go first, such as those of a container.
 pub fn yield_to_requests() {
-    // On Linux this is the niceness of a thread, elsewhere that of the process.
     #[cfg(target_os = "linux")]
-    let _ = rustix::process::nice(10);
+    {
+        use thread_priority::{
+            NormalThreadSchedulePolicy, ThreadPriority, ThreadSchedulePolicy, set_thread_priority_and_policy,
+            thread_native_id,
+        };
+        let idle = ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Idle);
+        // Where it is not allowed, requests are slower.
+        let _ = set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Min, idle);
+    }
 }
 
 /// Opens the devices; called again after one was lost.

@@ -38,7 +38,8 @@ impl JobStore {
                step = CASE WHEN checkpoint_frame IS NULL THEN 0 ELSE step END, \
                frames_written = CASE WHEN checkpoint_frame IS NULL THEN 0 ELSE frames_written END, \
                run_s = CASE WHEN checkpoint_frame IS NULL THEN 0.0 ELSE run_s END \
-             WHERE seq = (SELECT seq FROM jobs WHERE status = 'queued' ORDER BY priority DESC, seq LIMIT 1 {}) \
+             WHERE seq = (SELECT seq FROM jobs WHERE status = 'queued' \
+               AND (deadline IS NULL OR deadline >= $3 OR attempt > 0) ORDER BY priority DESC, seq LIMIT 1 {}) \
              RETURNING id, attempt, deaths, (SELECT scene FROM job_scenes WHERE job_scenes.seq = jobs.seq) AS scene",
             self.database.skip_locked()
         )))

@@ -20,6 +20,14 @@ const READERS: u32 = 4;
 /// Connections to PostgreSQL.
 const CONNECTIONS: u32 = 8;
 
+/// How SQLite's writer is set up. An accepted job survives a power failure, not only a crash. What a statement may have
+/// to undo is kept in memory: it would be written to a file that no crash needs. The log is carried over into the
+/// database by [`checkpoint`], and by the writer, whom that stops for long, only to begin it anew.
+const WRITER: &str = "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA temp_store = MEMORY; \
+                      PRAGMA wal_autocheckpoint = 4000";
+/// How often the log is carried over into the database.
+const CHECKPOINTS: Duration = Duration::from_millis(250);
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Dialect {
     Sqlite,
@@ -62,16 +70,16 @@ impl Database {
         let options = AnyConnectOptions::from_str(&format!("{url}?mode=rwc"))?;
         let writer = AnyPoolOptions::new().max_connections(1).after_connect(|connection, _| {
             // An accepted job survives a power failure, not only a crash.
-            Box::pin(async move {
-                connection.execute("PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL").await.map(drop)
-            })
+            Box::pin(async move { connection.execute(WRITER).await.map(drop) })
         });
-        let writer = writer.connect_with(options).await?;
+        let writer = writer.connect_with(options.clone()).await?;
         sqlx::migrate!("store/migrations/sqlite").run(&writer).await?;
+        let checkpointer = AnyPoolOptions::new().max_connections(1).connect_with(options).await?;
         let options = AnyConnectOptions::from_str(&format!("{url}?mode=ro"))?;
         // All at once: one that a worker's thread opens later has a thread of SQLite that yields, as the worker's does.
         let reader = AnyPoolOptions::new().min_connections(READERS).max_connections(READERS);
         let reader = reader.connect_with(options).await?;
+        tokio::spawn(checkpoint(checkpointer, reader.clone()));
         Ok(Self { dialect: Dialect::Sqlite, writer, reader })
     }
 
@@ -131,6 +139,18 @@ impl Database {
             Dialect::Sqlite => "",
             Dialect::Postgres => "FOR UPDATE SKIP LOCKED",
         }
+    }
+}
+
+/// Carries what was written over into SQLite's database from beside the writer, until the database is closed.
+async fn checkpoint(connection: AnyPool, reader: AnyPool) {
+    loop {
+        tokio::select! {
+            () = tokio::time::sleep(CHECKPOINTS) => {}
+            () = reader.close_event() => return connection.close().await,
+        }
+        // What fails is done by the next one, or by the writer.
+        let _ = connection.execute("PRAGMA wal_checkpoint(PASSIVE)").await;
     }
 }
 

@@ -10,6 +10,7 @@ mod clock;
 mod database;
 mod files;
 mod filter;
+mod gathered;
 mod groups;
 mod hashed;
 mod insertion;
@@ -33,8 +34,9 @@ pub use scenes::SceneFiles;
 
 use clock::Clock;
 use database::Database;
+use gathered::Gathered;
 use gridfall_recording::provenance;
-use submissions::Submissions;
+use submissions::NewSubmission;
 
 /// A job whose attempts end by the death of their process or device this often in a row, without a
 /// newer checkpoint between them, is given up.
@@ -121,7 +123,8 @@ pub struct Recovered {
 pub struct JobStore {
     database: Database,
     clock: Clock,
-    submissions: Submissions,
+    submissions: Gathered<NewSubmission, Submission>,
+    reads: Gathered<Uuid, Option<Job>>,
 }
 
 impl JobStore {
@@ -136,12 +139,13 @@ impl JobStore {
     }
 
     fn on(database: Database) -> Self {
-        Self { database, clock: Clock::default(), submissions: Submissions::default() }
+        Self { database, clock: Clock::default(), submissions: Gathered::default(), reads: Gathered::default() }
     }
 
     /// The same store with another clock (microseconds since the Unix epoch), for tests.
     pub fn with_clock(self, clock: impl Fn() -> i64 + Send + Sync + 'static) -> Self {
-        Self { clock: Clock::new(clock), ..self }
+        // Its requests are not those of the other, which would be answered at the time of the other.
+        Self { clock: Clock::new(clock), ..Self::on(self.database) }
     }
 
     pub async fn close(&self) {

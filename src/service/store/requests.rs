@@ -1,23 +1,38 @@
 //! What clients ask of the table of jobs.
 
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashMap, HashSet};
+use std::sync::Arc;
 
 use uuid::Uuid;
 
+use super::insertion::{pieces, rows};
 use super::row::{JobRow, select_jobs};
 use super::submissions::with_place;
 use super::{Deletion, Job, JobStore, Result, Status, build};
 
 impl JobStore {
     pub async fn get(&self, id: Uuid) -> Result<Option<Job>> {
-        let row: Option<JobRow> = sqlx::query_as(select_jobs("WHERE id = $1"))
-            .bind(id.to_string())
-            .fetch_optional(&self.database.reader)
-            .await?;
-        match row {
-            Some(row) => Ok(Some(with_place(&self.database.reader, self.database.along_queue(), row.0).await?)),
-            None => Ok(None),
+        let all = |store: Self, ids: Arc<Vec<Uuid>>| async move { store.get_all(&ids).await };
+        self.reads.answer(self, id, all).await
+    }
+
+    /// The jobs with these ids, among which one may be more than once.
+    async fn get_all(&self, ids: &[Uuid]) -> Result<Vec<Option<Job>>> {
+        let wanted: Vec<String> = ids.iter().collect::<BTreeSet<_>>().into_iter().map(Uuid::to_string).collect();
+        let mut found = HashMap::new();
+        for ids in pieces(&wanted) {
+            let clause = format!("WHERE id IN {}", rows(1, ids.len()));
+            let mut query = sqlx::query_as(select_jobs(&clause));
+            for id in ids {
+                query = query.bind(id);
+            }
+            let jobs: Vec<JobRow> = query.fetch_all(&self.database.reader).await?;
+            for JobRow(job) in jobs {
+                let job = with_place(&self.database.reader, self.database.along_queue(), job).await?;
+                found.insert(job.id, job);
+            }
         }
+        Ok(ids.iter().map(|id| found.get(id).cloned()).collect())
     }
 
     /// The scene of a job.

@@ -1,90 +1,37 @@
 //! Adding jobs to the table.
 
 use std::collections::{BTreeMap, HashMap};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use sqlx::any::Any;
 use sqlx::{AssertSqlSafe, Executor, Transaction};
-use tokio::sync::oneshot;
 use uuid::Uuid;
 
 use super::database::Database;
 use super::insertion::{insert, pieces, rows};
 use super::row::{JobRow, select_jobs, uuid};
-use super::{Job, JobStore, NewJob, NewSweep, Result, StoreError, Submission};
+use super::{Job, JobStore, NewJob, NewSweep, Result, Submission};
 
-/// Most submissions of one transaction.
-const MOST_AT_ONCE: usize = 256;
-
-/// Submissions that wait for a transaction. One commit, and so one write that the disk confirms, is for
-/// all that came while the one before was on its way.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Submissions {
-    waiting: Arc<Mutex<Vec<Waiting>>>,
-    /// Held by whoever writes.
-    turn: Arc<tokio::sync::Mutex<()>>,
-}
-
-#[derive(Debug)]
-struct Waiting {
-    new: NewJob,
-    max_queued: i64,
-    answer: oneshot::Sender<Result<Submission>>,
-}
-
-impl Submissions {
-    fn waiting(&self) -> std::sync::MutexGuard<'_, Vec<Waiting>> {
-        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
+/// A job to be added, and the most jobs that may wait.
+pub(super) type NewSubmission = (NewJob, i64);
 
 impl JobStore {
     /// Adds a job to the queue unless `max_queued` jobs are waiting already. Once this returns, the job
     /// survives a power failure.
     pub async fn submit(&self, new: &NewJob, max_queued: i64) -> Result<Submission> {
-        let (answer, answered) = oneshot::channel();
-        self.submissions.waiting().push(Waiting { new: new.clone(), max_queued, answer });
-        // In a task of its own, which goes on for the others if this client leaves.
-        let store = self.clone();
-        tokio::spawn(async move { store.submit_waiting().await });
-        answered.await.unwrap_or_else(|_| Err(StoreError::Database(sqlx::Error::WorkerCrashed)))
-    }
-
-    async fn submit_waiting(&self) {
-        let _turn = self.submissions.turn.lock().await;
-        let batch: Vec<Waiting> = {
-            let mut waiting = self.submissions.waiting();
-            let most = waiting.len().min(MOST_AT_ONCE);
-            waiting.drain(..most).collect()
-        };
-        if batch.is_empty() {
-            return;
-        }
-        match self.submit_all(&batch).await {
-            Ok(submissions) => {
-                for (waiting, submission) in batch.into_iter().zip(submissions) {
-                    // A client that has left needs no answer.
-                    let _ = waiting.answer.send(Ok(submission));
-                }
-            }
-            // It may be the fault of one of them.
-            Err(_) => {
-                for waiting in batch {
-                    let alone = self.submit_all(std::slice::from_ref(&waiting)).await;
-                    let _ = waiting.answer.send(alone.map(|mut submissions| submissions.remove(0)));
-                }
-            }
-        }
+        // One commit, and so one write that the disk confirms, is for all that came during the one before.
+        let all = |store: Self, batch: Arc<Vec<NewSubmission>>| async move { store.submit_all(&batch).await };
+        self.submissions.answer(self, (new.clone(), max_queued), all).await
     }
 
     /// In one transaction, in order.
-    async fn submit_all(&self, batch: &[Waiting]) -> Result<Vec<Submission>> {
+    async fn submit_all(&self, batch: &[NewSubmission]) -> Result<Vec<Submission>> {
         let mut tx = self.database.lock_queue().await?;
         let mut queue = Queue::now(&self.database, &mut tx).await?;
         let mut earlier = earlier(&mut tx, batch).await?;
         let mut accepted = Vec::new();
         let mut verdicts = Vec::with_capacity(batch.len());
-        for Waiting { new, max_queued, .. } in batch {
+        for (new, max_queued) in batch {
             let same = new.idempotency_key.as_deref().and_then(|key| earlier.get(key));
             verdicts.push(match same {
                 Some(same) if same.request_sha256 != new.request_sha256 => Verdict::KeyReused,
@@ -205,8 +152,11 @@ enum Known {
 }
 
 /// The jobs in the table with an idempotency key of a batch.
-async fn earlier(tx: &mut Transaction<'static, Any>, batch: &[Waiting]) -> sqlx::Result<HashMap<String, Earlier>> {
-    let keys: Vec<&str> = batch.iter().filter_map(|waiting| waiting.new.idempotency_key.as_deref()).collect();
+async fn earlier(
+    tx: &mut Transaction<'static, Any>,
+    batch: &[NewSubmission],
+) -> sqlx::Result<HashMap<String, Earlier>> {
+    let keys: Vec<&str> = batch.iter().filter_map(|(new, _)| new.idempotency_key.as_deref()).collect();
     let mut found = HashMap::new();
     for keys in pieces(&keys) {
         let mut query = sqlx::query_as(AssertSqlSafe(format!(

@@ -1,6 +1,7 @@
 //! Priorities, deadlines, filters, sweeps, and changes of many jobs at once.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicI64, Ordering};
 
 use gridfall_service::store::{Filter, Job, JobStore, NewJob, NewSweep, Outcome, Status, Submission};
 use jiff::{SignedDuration, Timestamp};
@@ -10,6 +11,7 @@ use super::{accept, new_job, on_both};
 on_both!(
     higher_priorities_run_first_and_equal_ones_in_order,
     a_job_that_was_not_started_by_its_deadline_fails,
+    a_job_that_is_late_when_it_is_claimed_is_not_started,
     lists_are_filtered_by_everything_at_once,
     a_name_is_found_among_many_and_among_few,
     a_sweep_is_accepted_as_a_whole_or_not_at_all,
@@ -58,6 +60,27 @@ async fn a_job_that_was_not_started_by_its_deadline_fails(store: JobStore) {
     let store = store.with_clock(move || (now + SignedDuration::from_secs(7200)).as_microsecond());
     store.put_back(in_time.id, 1).await.unwrap();
     assert_eq!(store.claim("me").await.unwrap().unwrap().id, in_time.id);
+}
+
+async fn a_job_that_is_late_when_it_is_claimed_is_not_started(store: JobStore) {
+    const SECOND: i64 = 1_000_000;
+    for half_seconds in 0..16 {
+        // A second goes by between any two looks at the clock: jobs become late while one is claimed.
+        let ticks = AtomicI64::new(0);
+        let start = 1_000_000 * SECOND;
+        let store = store.clone().with_clock(move || start + SECOND * ticks.fetch_add(1, Ordering::Relaxed));
+        let deadline = Timestamp::from_microsecond(start + half_seconds * SECOND / 2).unwrap();
+        let job = submit(&store, NewJob { deadline: Some(deadline), ..new_job("hurry") }).await;
+        let claimed = store.claim("me").await.unwrap().is_some();
+        let job = store.get(job.id).await.unwrap().unwrap();
+        assert_eq!(claimed, job.started_at.is_some_and(|started| started <= deadline), "{job:?}");
+        if claimed {
+            store.finish(job.id, 1, &Outcome::Succeeded).await.unwrap();
+        } else {
+            assert!(store.claim("me").await.unwrap().is_none());
+            assert_eq!(store.get(job.id).await.unwrap().unwrap().status, Status::Failed);
+        }
+    }
 }
 
 async fn lists_are_filtered_by_everything_at_once(store: JobStore) {
