@@ -1,9 +1,11 @@
 //! Conditional requests (RFC 9110 §13).
 
+use std::fmt::Debug;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use sha2::{Digest, Sha256};
 
 use super::problem::{Code, Problem};
 
@@ -26,6 +28,14 @@ impl Version {
         let since = modified.duration_since(UNIX_EPOCH).unwrap_or_default();
         let tag = format!("\"{length:x}-{:x}\"", since.as_nanos());
         Self { tag, modified: Some(UNIX_EPOCH + Duration::from_secs(since.as_secs())) }
+    }
+
+    /// Of what is made of an attempt's frame, which is written once: it is known by how it is made. `edition` changes
+    /// with what is made of the same frame.
+    pub fn of_frame(edition: u32, attempt: i64, frame: u64, how: &impl Debug) -> Self {
+        let hash = Sha256::digest(format!("{edition} {how:?}"));
+        let hash: String = hash[..12].iter().map(|byte| format!("{byte:02x}")).collect();
+        Self::of_tag(format!("\"{attempt}-{frame}-{hash}\""))
     }
 
     pub fn tag(&self) -> &str {

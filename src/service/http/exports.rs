@@ -1,26 +1,20 @@
 //! Frames of jobs as files of other programs.
 
-use std::fs::File;
-use std::io::Seek;
-
-use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, Method, header};
-use axum::response::{IntoResponse, Response};
+use axum::http::{HeaderMap, Method};
+use axum::response::Response;
 use serde::Deserialize;
-use tokio_util::io::ReaderStream;
 use utoipa::{IntoParams, ToSchema};
 
 use super::conditional::Version;
 use super::dto;
 use super::extract::Query;
-use super::file::READ_BYTES;
+use super::file::{made, unnamed};
 use super::filters::commas;
 use super::frames::{JobFrame, Source};
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
-use gridfall_recording::RecordingError;
 use gridfall_recording::export::{self, ExportError, Format, Selection};
 
 /// Changes with what is written of the same frame.
@@ -97,41 +91,23 @@ pub async fn export(
     let index = source.with_frame(&api, frame, status).await?;
     let names = source.read(&api, |index, target| index.bodies(target).map(Some)).await?.unwrap_or_default();
     let selection = Selection::new(names, &query.body, most as usize).map_err(refused)?;
-    let bodies: Vec<String> = selection.bodies().iter().map(usize::to_string).collect();
-    let (name, bodies) = (format.name(), bodies.join("."));
-    let version = Version::of_tag(format!("\"e{EDITION}-{}-{frame}-{name}-{bodies}-{most:x}\"", source.attempt));
+    let version = Version::of_frame(EDITION, source.attempt, frame, &(format, selection.bodies(), most));
     if let Some(answer) = version.judge(&Method::GET, &headers)? {
         return Ok(answer);
     }
 
-    // On the disk, so that slow clients cost no memory; without a name, so that nothing is left of it.
     let target = source.files.recording();
-    let write = move || -> Result<File, ExportError> {
-        let folder = target.parent().expect("recordings are in folders");
-        let mut file = tempfile::tempfile_in(folder).map_err(RecordingError::io("create a file in", folder))?;
-        export::write_frame((&index, &target), frame, (format, &selection), &file, folder)?;
-        file.rewind().map_err(RecordingError::io("read a file in", folder))?;
-        Ok(file)
+    let write = move || {
+        unnamed(&target, |file, folder| {
+            export::write_frame((&index, &target), frame, (format, &selection), file, folder).map(drop)
+        })
     };
     let file = {
         let _reader = api.frames.readers.acquire().await.map_err(internal)?;
         tokio::task::spawn_blocking(write).await.map_err(internal)?.map_err(refused)?
     };
     let kind = if format == Format::Csv { "text/csv; charset=utf-8" } else { "application/octet-stream" };
-    self::file(file, kind, &format!("gridfall-{id}.{frame:04}.{name}"), &version)
-}
-
-/// A file that was made for this answer, which browsers save under a name.
-pub(super) fn file(file: File, kind: &'static str, name: &str, version: &Version) -> Result<Response, Problem> {
-    let length = file.metadata()?.len();
-    let body = Body::from_stream(ReaderStream::with_capacity(tokio::fs::File::from_std(file), READ_BYTES));
-    let mut answer = ([(header::CONTENT_TYPE, kind)], body).into_response();
-    let disposition = HeaderValue::try_from(format!("attachment; filename=\"{name}\""));
-    let disposition = disposition.expect("digits, letters and quotes are fit for a header");
-    answer.headers_mut().insert(header::CONTENT_DISPOSITION, disposition);
-    answer.headers_mut().insert(header::CONTENT_LENGTH, length.into());
-    version.write(answer.headers_mut());
-    Ok(answer)
+    made(file, kind, &format!("gridfall-{id}.{frame:04}.{}", format.name()), &version)
 }
 
 fn refused(error: ExportError) -> Problem {

@@ -14,6 +14,7 @@ use tokio_util::io::ReaderStream;
 use super::conditional::Version;
 use super::problem::{Code, Problem, internal};
 use super::range::{Selection, select};
+use gridfall_recording::RecordingError;
 
 /// How much of a file is read at a time (bytes).
 pub(super) const READ_BYTES: usize = 64 << 10;
@@ -71,7 +72,7 @@ impl FileAnswer<'_> {
             headers.insert(header::CONTENT_RANGE, ascii(format!("bytes {}-{}/{length}", part.start, part.end - 1)));
         }
         if let Some(name) = self.download {
-            headers.insert(header::CONTENT_DISPOSITION, ascii(format!("attachment; filename=\"{name}\"")));
+            headers.insert(header::CONTENT_DISPOSITION, attachment(name));
         }
         Ok(Some(response))
     }
@@ -85,6 +86,35 @@ async fn read(mut file: File, start: u64, n: u64) -> Result<Vec<u8>, Problem> {
         file.read_exact(&mut bytes).map(|()| bytes)
     });
     Ok(part.await.map_err(internal)??)
+}
+
+/// Writes a file for one answer beside a recording: on the disk, so that slow clients cost no memory; without a name,
+/// so that nothing is left of it. `write` gets the file and its folder.
+pub(super) fn unnamed<E: From<RecordingError>>(
+    recording: &Path,
+    write: impl FnOnce(&File, &Path) -> Result<(), E>,
+) -> Result<File, E> {
+    let folder = recording.parent().expect("recordings are in folders");
+    let mut file = tempfile::tempfile_in(folder).map_err(RecordingError::io("create a file in", folder))?;
+    write(&file, folder)?;
+    file.rewind().map_err(RecordingError::io("read a file in", folder))?;
+    Ok(file)
+}
+
+/// A file that was made for this answer, which browsers save under a name.
+pub(super) fn made(file: File, kind: &'static str, name: &str, version: &Version) -> Result<Response, Problem> {
+    let length = file.metadata()?.len();
+    let body = Body::from_stream(ReaderStream::with_capacity(tokio::fs::File::from_std(file), READ_BYTES));
+    let mut answer = ([(header::CONTENT_TYPE, kind)], body).into_response();
+    let headers = answer.headers_mut();
+    headers.insert(header::CONTENT_DISPOSITION, attachment(name));
+    headers.insert(header::CONTENT_LENGTH, length.into());
+    version.write(headers);
+    Ok(answer)
+}
+
+fn attachment(name: &str) -> HeaderValue {
+    ascii(format!("attachment; filename=\"{name}\""))
 }
 
 fn ascii(text: String) -> HeaderValue {

@@ -152,9 +152,7 @@ pub async fn points(
     }
     let most = max_points.unwrap_or(u32::MAX);
     let (source, status) = Source::of(&api, id).await?;
-    // An attempt writes its frames once, so they are known by their names.
-    let name = field.as_deref().unwrap_or_default().replace(|c: char| !c.is_ascii_alphanumeric() && c != '_', "");
-    let version = Version::of_tag(format!("\"p{FORMAT}-{}-{frame}-{name}-{most:x}\"", source.attempt));
+    let version = Version::of_frame(FORMAT, source.attempt, frame, &(&field, most));
     let wanted = field.clone();
     let found = source.read(&api, move |index, target| {
         recording::frame_points(index, target, frame, (wanted.as_deref(), most as usize))

@@ -4,7 +4,6 @@ use axum::extract::State;
 use axum::http::{HeaderMap, Method, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
-use sha2::{Digest, Sha256};
 use utoipa::IntoParams;
 
 use super::conditional::Version;
@@ -106,7 +105,7 @@ pub async fn picture(
     let (source, status) = Source::of(&api, id).await?;
     let look = query.look()?;
     let index = source.with_frame(&api, frame, status).await?;
-    let version = version(EDITION, source.attempt, frame, &look);
+    let version = Version::of_frame(EDITION, source.attempt, frame, &look);
     if let Some(answer) = version.judge(&Method::GET, &headers)? {
         return Ok(answer);
     }
@@ -124,13 +123,6 @@ pub async fn picture(
     let mut answer = ([(header::CONTENT_TYPE, "image/png")], png).into_response();
     version.write(answer.headers_mut());
     Ok(answer)
-}
-
-/// Attempts write their frames once, so what is made of one is known by how it is made.
-pub(super) fn version(edition: u32, attempt: i64, frame: u64, how: &impl std::fmt::Debug) -> Version {
-    let hash = Sha256::digest(format!("{edition} {how:?}"));
-    let hash: String = hash[..12].iter().map(|byte| format!("{byte:02x}")).collect();
-    Version::of_tag(format!("\"d{attempt}-{frame}-{hash}\""))
 }
 
 fn refused(error: RenderError) -> Problem {

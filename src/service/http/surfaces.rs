@@ -1,24 +1,20 @@
 //! Surfaces of frames of jobs.
 
-use std::fs::File;
-use std::io::Seek;
-
 use axum::extract::State;
 use axum::http::{HeaderMap, Method};
 use axum::response::Response;
 use serde::Deserialize;
 use utoipa::{IntoParams, ToSchema};
 
+use super::conditional::Version;
 use super::dto;
-use super::exports::file;
 use super::extract::Query;
+use super::file::{made, unnamed};
 use super::filters::commas;
 use super::frames::{JobFrame, Source};
 use super::openapi::PROBLEM;
-use super::pictures::version;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
-use gridfall_recording::RecordingError;
 use gridfall_recording::export::ExportError;
 use gridfall_recording::reconstruction::{Format, SurfaceError, Surfaces};
 
@@ -102,22 +98,19 @@ pub async fn surface(
     let format = Format::from(format);
     let (source, status) = Source::of(&api, id).await?;
     let index = source.with_frame(&api, frame, status).await?;
-    let version = version(EDITION, source.attempt, frame, &(format, &body, most));
+    let version = Version::of_frame(EDITION, source.attempt, frame, &(format, &body, most));
     if let Some(answer) = version.judge(&Method::GET, &headers)? {
         return Ok(answer);
     }
     let turn = api.sceneries.turn(&api).await?;
     let scenery = api.sceneries.of(&api, id).await?;
     let (target, judges) = (source.files.recording(), api.judges.clone());
-    // On the disk, as exports are.
-    let write = move || -> Result<File, SurfaceError> {
+    let write = move || {
         let _turn = turn;
         let surfaces = Surfaces::new(&scenery, &body, most)?;
-        let folder = target.parent().expect("recordings are in folders");
-        let mut file = tempfile::tempfile_in(folder).map_err(RecordingError::io("create a file in", folder))?;
-        judges.install(|| surfaces.write((&index, &target), frame, format, &file, folder))?;
-        file.rewind().map_err(RecordingError::io("read a file in", folder))?;
-        Ok(file)
+        unnamed(&target, |file, folder| {
+            judges.install(|| surfaces.write((&index, &target), frame, format, file, folder)).map(drop)
+        })
     };
     let written = tokio::task::spawn_blocking(write).await.map_err(internal)?.map_err(refused)?;
     let kind = match format {
@@ -125,7 +118,7 @@ pub async fn surface(
         Format::Ply => "application/octet-stream",
         Format::Glb => "model/gltf-binary",
     };
-    file(written, kind, &format!("gridfall-{id}.{frame:04}.{}", format.name()), &version)
+    made(written, kind, &format!("gridfall-{id}.{frame:04}.{}", format.name()), &version)
 }
 
 fn refused(error: SurfaceError) -> Problem {

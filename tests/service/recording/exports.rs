@@ -161,7 +161,7 @@ fn particles_keep_their_numbers_and_bodies_their_names() {
         (vec!["--frames", "6", "-o", to], "no frame 6; the recording has the frames 0 to 5"),
         (vec!["--frames", "2..9", "-o", to], "no frame 8"),
         (vec!["--frames", "2..2", "-o", to], "there is no frame in 2..2"),
-        (vec!["-o", file.to_str().unwrap()], "is the file of one frame, and 6 are to be exported"),
+        (vec!["-o", file.to_str().unwrap()], "is the file of one frame, and 6 are to be written"),
         (vec!["-f", "xls", "-o", to], "possible values"),
     ] {
         let output = export(&out.recording, &arguments);
