@@ -14,7 +14,7 @@ use crate::laboratory::curve::{self, Measured};
 use crate::laboratory::fit::{self, Fit, NoFit};
 use crate::laboratory::plot::{self, Panel, Series};
 use crate::laboratory::shown;
-use gridfall_core::material::element::{self, Point, Programme, Test};
+use gridfall_core::material::element::{self, Point, Programme, Refused, Test, Wishes};
 use gridfall_core::material::parameters::Material;
 use gridfall_scene::{self as scene, Fault, presets};
 
@@ -126,9 +126,9 @@ fn tested(arguments: &Arguments, material: &Value, law: &Material, programme: &P
     }
     if arguments.json {
         let rows: Vec<Value> = points.iter().map(|point| json!(point.values())).collect();
-        let answer = json!({ "material": material, "test": programme.test.name(), "columns": Point::COLUMNS,
-            "rows": rows,
-            "confining_pressure": programme.confining_pressure });
+        let answer = json!({ "material": material, "test": programme.test.name(), "strain": programme.strain,
+            "confining_pressure": programme.confining_pressure, "steps": programme.steps, "rate": programme.rate,
+            "columns": Point::COLUMNS, "rows": rows });
         return print(&format!("{answer:#}\n"));
     }
     print(&table(&title(arguments, programme), &points))
@@ -220,33 +220,16 @@ fn of_scene(path: &Path, place: &str) -> Result<Value, CliError> {
 
 /// The test that the arguments ask for.
 fn programme(arguments: &Arguments, material: &Material, test: Test) -> Result<Programme, CliError> {
-    let bad = |text: String| Err(CliError::BadInput(text));
-    let mut programme = Programme::usual(material, test);
-    if let Some(pressure) = arguments.confining_pressure {
-        if !test.takes_pressure() {
-            return bad(format!("a {} test holds no pressure; take --confining-pressure out", test.name()));
-        }
-        if !(pressure >= 0.0 && pressure.is_finite()) {
-            return bad(format!("--confining-pressure is {pressure}; write 0 or a number above 0"));
-        }
-        programme.confining_pressure = pressure;
-        programme.strain = programme.usual_strain(material);
-    }
-    if let Some(rate) = arguments.rate {
-        if !(rate > 0.0 && rate.is_finite()) {
-            return bad(format!("--rate is {rate}; write a number above 0"));
-        }
-        programme.rate = rate;
-    }
-    programme.steps = arguments.steps.map_or(programme.steps, |steps| steps as usize);
-    if let Some(strain) = arguments.strain {
-        let shortest = test.stretch(strain);
-        if !strain.is_finite() || strain == 0.0 || (test != Test::Shear && shortest < 0.01) || strain.abs() > 100.0 {
-            return bad(format!("--strain is {strain}; write one that is not 0 and leaves a hundredth of the length"));
-        }
-        programme.strain = strain;
-    }
-    Ok(programme)
+    let wishes = Wishes {
+        strain: arguments.strain,
+        confining_pressure: arguments.confining_pressure,
+        steps: arguments.steps.map(|steps| steps as usize),
+        rate: arguments.rate,
+    };
+    let option = |field: &str| format!("--{}", field.replace('_', "-"));
+    let refused =
+        |Refused { field, reason, remedy }| CliError::BadInput(format!("{} {reason}; {remedy}", option(field)));
+    Programme::wished(material, test, &wishes).map_err(refused)
 }
 
 fn run(material: &Material, programme: &Programme) -> Result<Vec<Point>, CliError> {

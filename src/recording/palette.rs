@@ -8,9 +8,11 @@ use crate::appearance::Appearance;
 /// Linear RGB, 0 to 1.
 pub type Rgb = [f32; 3];
 
-/// Hues (sRGB) for fluids, for sand and for other solids, in the order in which a scene's bodies use them.
+/// Hues (sRGB) for fluids, sand, snow, metals and other solids, in the order in which a scene's bodies use them.
 const FLUIDS: [[u8; 3]; 3] = [[0x16, 0x62, 0xb4], [0x10, 0x88, 0x90], [0x58, 0x4c, 0xc0]];
 const SANDS: [[u8; 3]; 4] = [[0xd8, 0xae, 0x68], [0xb0, 0x7a, 0x4c], [0x8f, 0x8a, 0x84], [0xc9, 0x8b, 0x78]];
+const SNOWS: [[u8; 3]; 2] = [[0xd6, 0xe4, 0xf2], [0xb4, 0xc8, 0xe0]];
+const METALS: [[u8; 3]; 3] = [[0x8a, 0x96, 0xa6], [0xb8, 0x86, 0x4e], [0x5c, 0x68, 0x80]];
 const SOLIDS: [[u8; 3]; 7] = [
     [0xe8, 0x5d, 0x3a],
     [0x2a, 0x9d, 0x8f],
@@ -34,11 +36,13 @@ pub struct Palette {
 impl Palette {
     pub fn new(setup: &Setup, appearance: &Appearance) -> Self {
         let (mut fluids, mut solids) = (FLUIDS.iter().cycle(), SOLIDS.iter().cycle());
-        let mut sands = SANDS.iter().cycle();
+        let (mut sands, mut snows, mut metals) = (SANDS.iter().cycle(), SNOWS.iter().cycle(), METALS.iter().cycle());
         let bodies = setup.bodies.iter().map(|body| {
             let (hue, lightening, gloss) = match setup.materials[body.material] {
                 Material::WeaklyCompressibleFluid(_) => (fluids.next(), 0.75, 0.7),
                 Material::DruckerPrager(_) | Material::MohrCoulomb(_) => (sands.next(), 0.3, 0.05),
+                Material::Snow(_) => (snows.next(), 0.6, 0.05),
+                Material::VonMises(_) => (metals.next(), 0.35, 0.5),
                 _ => (solids.next(), 0.35, 0.2),
             };
             let base = hue.expect("a cycle has no end").map(from_srgb);

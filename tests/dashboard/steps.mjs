@@ -309,6 +309,45 @@ async function focusIsSeen(browser) {
   await page.select("#theme", "auto");
 }
 
+async function guide(browser) {
+  const { page } = browser;
+  await browser.go("docs/guide/");
+  // By keyboard alone: to the field, words, the second of what was found, and there.
+  await key(browser, "/");
+  await page.keyboard.type("friction angle");
+  await browser.until("places", () => document.querySelectorAll("#search li a").length >= 3);
+  await browser.look("guide-search");
+  await page.focus("#search input");
+  await key(browser, "ArrowDown", "ArrowDown");
+  const chosen = await page.evaluate(() => ({
+    href: document.activeElement.href,
+    found: [...document.querySelectorAll("#search li a")].map((link) => link.textContent.toLowerCase()),
+  }));
+  assert.ok(chosen.href.includes("/docs/guide/"), chosen.href);
+  await Promise.all([page.waitForNavigation(), key(browser, "Enter")]);
+  assert.equal(page.url(), chosen.href);
+  const { hash } = new URL(chosen.href);
+  assert.ok(await page.evaluate((hash) => document.getElementById(decodeURIComponent(hash.slice(1))), hash), hash);
+  // The best place comes first, and Enter opens it.
+  await browser.go("docs/guide/");
+  await page.type("#search input", "von mises yield_stress");
+  await browser.until("places", () => document.querySelectorAll("#search li a").length > 0);
+  await Promise.all([page.waitForNavigation(), key(browser, "Enter")]);
+  assert.match(page.url(), /\/docs\/guide\/(scene#von-mises|MATERIALS|NUMERICS|PRESETS)/);
+  await browser.go("docs/guide/scene");
+  await page.type("#search input", "xyzzy");
+  await browser.shows("#search [role=status]", "Nothing about “xyzzy”");
+  await key(browser, "Escape");
+  assert.equal(await browser.text("#search [role=status]"), "");
+  // Pictures of what the page describes.
+  const broken = await page.$$eval("main img", async (images) => {
+    await Promise.all(images.map((image) => image.decode().catch(() => {})));
+    return images.filter((image) => image.naturalWidth === 0).map((image) => image.src);
+  });
+  assert.deepEqual(broken, []);
+  await browser.look("guide-scene");
+}
+
 async function gone(browser) {
   browser.quiet = true;
   await browser.go("#/jobs/01890000-0000-7000-8000-000000000000");
@@ -331,5 +370,6 @@ export const all = {
   manyByKeyboard,
   lostAndFound,
   focusIsSeen,
+  guide,
   gone,
 };

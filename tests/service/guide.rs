@@ -1,7 +1,8 @@
 //! The guide in `docs/guide` does what it says: its commands run, page by page, and its JSON is valid.
 //!
 //! Blocks are marked: `sh` and `python` run in order, `sh server` runs beside the others to the end of the page, `json
-//! patch` is merged into the quickstart scene, `console` is for machines that the tests do not have.
+//! patch` is merged into the quickstart scene, `json shape` and `json material` stand in it (`reference`), `yaml` is
+//! for other programs (`containers`), `console` is for machines that the tests do not have.
 
 use std::fmt::Write;
 use std::net::TcpListener;
@@ -14,9 +15,9 @@ use serde_json::Value;
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// Name of a page, and its blocks with what they are marked as.
-type Page = (String, Vec<(String, String)>);
+pub type Page = (String, Vec<(String, String)>);
 
-fn pages() -> Vec<Page> {
+pub fn pages() -> Vec<Page> {
     let mut paths: Vec<PathBuf> =
         std::fs::read_dir(Path::new(ROOT).join("docs/guide")).unwrap().map(|entry| entry.unwrap().path()).collect();
     paths.retain(|path| path.extension().is_some_and(|end| end == "md"));
@@ -47,7 +48,7 @@ fn script(blocks: &[(String, String)], port: u16) -> String {
                 code.trim()
             ),
             "python" => writeln!(script, "\"$GUIDE_PYTHON\" - <<'END'\n{code}END"),
-            "console" | "json patch" => continue,
+            "console" | "json patch" | "json shape" | "json material" | "yaml prometheus" | "yaml compose" => continue,
             other => panic!("a block is marked {other:?}, which tests/service/guide.rs does not know"),
         };
     }
@@ -121,7 +122,7 @@ fn the_fragments_of_scenes_are_valid() {
 }
 
 /// RFC 7396.
-fn merge(target: &mut Value, patch: Value) {
+pub fn merge(target: &mut Value, patch: Value) {
     match (target, patch) {
         (Value::Object(target), Value::Object(patch)) => {
             patch.into_iter().for_each(|(key, value)| merge(target.entry(key).or_insert(Value::Null), value));

@@ -1,6 +1,8 @@
 //! Rules about text: lengths of lines and files, opening comments, nothing unfinished or silenced,
 //! scenes that say what they show.
 
+use std::path::Path;
+
 use super::{Source, caught, none, sources};
 
 /// Maximum columns of a line of code, and of a line of Markdown.
@@ -77,6 +79,41 @@ fn lines_of_markdown_fit_a_page() {
     let table = format!("| {} |\n", "x".repeat(MAX_MARKDOWN));
     let fault = Source::new("docs/A.md", &format!("{table}{}\n", "x".repeat(MAX_MARKDOWN + 1)));
     caught(&long_lines(&[fault], MAX_MARKDOWN), &["docs/A.md:2", "101 columns"]);
+}
+
+/// Links of pages in `docs/` to files that are not below it, or not there. mdBook serves what is below only.
+fn stray_links(files: &[Source]) -> Vec<String> {
+    let mut faults = Vec::new();
+    for file in files {
+        let folder = file.path.rsplit_once('/').map_or("", |(folder, _)| folder);
+        for link in file.text.split("](").skip(1).filter_map(|rest| rest.split([')', ' ']).next()) {
+            let target = link.split('#').next().unwrap_or_default();
+            if target.is_empty() || target.contains("://") || target.starts_with('/') {
+                continue;
+            }
+            let mut place: Vec<&str> = folder.split('/').collect();
+            for part in target.split('/') {
+                match part {
+                    ".." => place.truncate(place.len().saturating_sub(1)),
+                    part => place.push(part),
+                }
+            }
+            let there = Path::new(env!("CARGO_MANIFEST_DIR")).join(place.join("/")).is_file();
+            if place.first() != Some(&"docs") || !there {
+                faults.push(format!("{} links to {link}, which is no file of docs/", file.path));
+            }
+        }
+    }
+    faults
+}
+
+#[test]
+fn pages_link_to_pages_and_pictures() {
+    none(&stray_links(&sources("docs", "md")));
+    let fault = |link: &str| stray_links(&[Source::new("docs/guide/a.md", &format!("See [it]({link})."))]);
+    none(&fault("../NUMERICS.md#flow"));
+    caught(&fault("../NUMBERS.md"), &["docs/guide/a.md", "../NUMBERS.md"]);
+    caught(&fault("../../api/openapi.json"), &["no file of docs/"]);
 }
 
 #[test]

@@ -40,6 +40,17 @@ def test_a_scene_is_judged_before_it_runs(client: gridfall.Client, square: gridf
         client.validate("scene.json")  # type: ignore[arg-type]
 
 
+def test_element_tests_of_materials(client: gridfall.Client) -> None:
+    sand = gridfall.scene.Preset(preset="dry-sand", friction_angle_degrees=40)
+    curve = client.element_test(sand, "triaxial", confining_pressure=5e4, steps=50)
+    assert len(curve) == 51 and curve["strain"][0] == 0
+    # q = 2 p' sin φ/(1 − sin φ) at failure, without cohesion.
+    sine = np.sin(np.radians(40))
+    assert curve["q"][-1] == pytest.approx(5e4 * 2 * sine / (1 - sine), rel=1e-3)
+    with pytest.raises(gridfall.ApiError, match="did you mean `steel`"):
+        client.element_test({"preset": "steal"}, "uniaxial")
+
+
 def test_jobs_are_found_over_pages(client: gridfall.Client, square: gridfall.Scene) -> None:
     made = [client.submit(square, tags=["page"], overrides={"time.end": 0.01, "seed": n}).id for n in range(3)]
     for each in made:

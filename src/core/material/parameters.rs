@@ -201,6 +201,7 @@ pub enum Elasticity {
     /// Quadratic in the logarithm of the stretches.
     #[default]
     Hencky,
+    /// As the material `fixed-corotated`.
     FixedCorotated,
 }
 

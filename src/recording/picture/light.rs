@@ -57,9 +57,10 @@ impl Light {
         let size = self.view.size[0];
         let reach = self.softness * self.view.pixels_per_metre(depth);
         let lit = points.iter().filter(|[dx, dy]| {
-            // Casts clamp to the map's edge and are faster than rounding.
-            let (x, y) = ((column + dx * reach) as usize, (row + dy * reach) as usize);
-            x >= size || y >= size || self.depth[y * size + x] > depth - self.bias
+            let (x, y) = (column + dx * reach, row + dy * reach);
+            // Beyond the map nothing is known to cast a shadow.
+            let inside = x >= 0.0 && y >= 0.0 && (x as usize) < size && (y as usize) < size;
+            !inside || self.depth[y as usize * size + x as usize] > depth - self.bias
         });
         lit.count() as f32 / SAMPLES as f32
     }

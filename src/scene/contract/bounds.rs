@@ -20,10 +20,14 @@ pub fn add(definitions: &mut Map<String, Value>) {
         }
     }
     definitions.values_mut().for_each(bound_numbers);
-    for (name, most) in
-        [("Number", LARGEST), ("Place", PLACE.most), ("Speed", SPEED.most), ("Acceleration", GRAVITY.most)]
-    {
-        let number = json!({ "title": name, "type": "number", "minimum": -most, "maximum": most });
+    for (name, most, about) in [
+        ("Number", LARGEST, "A number of a vector or a matrix."),
+        ("Place", PLACE.most, "A coordinate (m)."),
+        ("Speed", SPEED.most, "A component of a velocity (m/s)."),
+        ("Acceleration", GRAVITY.most, "A component of an acceleration (m/s²)."),
+    ] {
+        let number =
+            json!({ "title": name, "description": about, "type": "number", "minimum": -most, "maximum": most });
         definitions.insert(name.into(), number);
     }
 }

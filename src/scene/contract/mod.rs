@@ -6,6 +6,8 @@
 //! `validate` alone.
 
 mod bounds;
+mod example;
+mod examples;
 mod presets;
 mod reference;
 mod variants;
@@ -88,9 +90,12 @@ fn definitions(reader: Reader) -> Map<String, Value> {
     if reader == Reader::Validator {
         bounds::add(&mut published);
         presets::add(&mut published);
+        examples::add(&mut published);
         // A scene whose materials all stand in its bodies has no list of them.
         let required = published["Scene"]["required"].as_array_mut().expect("scenes have required fields");
         required.retain(|field| field != "materials");
+    } else {
+        presets::add_class(&mut published);
     }
     published
 }

@@ -23,6 +23,8 @@ pub fn add(definitions: &mut Map<String, Value>) {
     let by_model = material.remove("allOf").expect("materials are told by their models");
     material.remove("required");
     material["properties"]["preset"] = reference("PresetName");
+    material["properties"]["preset"]["description"] =
+        json!("A material that people know, in the place of `model`; none by default.");
     let models = models();
     let rules: Vec<Value> = models.iter().map(|(model, names)| rule(model, names)).collect();
     material.insert("if".into(), json!({ "properties": { "preset": {} }, "required": ["preset"] }));
@@ -35,7 +37,11 @@ pub fn add(definitions: &mut Map<String, Value>) {
         definition["required"] = json!(["preset"]);
         definition["description"] =
             json!(format!("A preset of the model `{model}`; what is beside it replaces its values."));
-        definition["properties"]["preset"] = json!({ "type": "string", "enum": names });
+        definition["properties"]["preset"] = json!({
+            "description": "Its name; `gridfall material` lists all, with their values.",
+            "type": "string", "enum": names,
+        });
+        definition["properties"]["model"]["description"] = json!("That of the preset, which it is by default.");
         let fields = definition["properties"].as_object_mut().expect("materials have fields");
         for (_, field) in fields.iter_mut() {
             // Its value is the preset's.
@@ -51,6 +57,33 @@ pub fn add(definitions: &mut Map<String, Value>) {
             "if": { "type": "object" }, "then": reference("Material"), "else": { "type": "string" },
         });
     }
+}
+
+/// Adds a class of presets to what materials may be, for generators of code: with its name, and what models have.
+pub fn add_class(definitions: &mut Map<String, Value>) {
+    let names: Vec<&str> = presets::all().map(|preset| preset.name).collect();
+    // Go has one space for the values of all types.
+    let constants = names.iter().map(|name| format!("PRESET_{}", name.to_uppercase().replace('-', "_")));
+    let constants: Vec<String> = constants.collect();
+    let name = json!({
+        "title": "PresetName", "description": "A material that people know.", "type": "string", "enum": names,
+        "x-enum-varnames": constants,
+    });
+    let mut fields = Map::from_iter([("preset".to_owned(), reference("PresetName"))]);
+    for (model, _) in models() {
+        let own = definitions[&format!("{}Material", pascal(model))]["properties"].as_object();
+        fields.extend(own.into_iter().flatten().map(|(field, schema)| (field.clone(), schema.clone())));
+    }
+    fields.retain(|field, _| !matches!(field.as_str(), "model" | "origin"));
+    let preset = json!({
+        "title": "PresetMaterial", "type": "object", "required": ["preset"], "properties": fields,
+        "description": "A material that people know. What is beside its name replaces the values of its model.",
+        "additionalProperties": false,
+    });
+    definitions.insert("PresetName".into(), name);
+    definitions.insert("PresetMaterial".into(), preset);
+    let variants = definitions["Material"]["oneOf"].as_array_mut().expect("materials are alternatives");
+    variants.push(reference("PresetMaterial"));
 }
 
 /// Models of presets, with the names of these.
@@ -70,7 +103,8 @@ fn rule(model: &str, names: &[&str]) -> Value {
     json!({ "if": tagged, "then": reference(&name_of(model)) })
 }
 
-fn name_of(model: &str) -> String {
+/// What the definition of a model's presets is called.
+pub fn name_of(model: &str) -> String {
     format!("{}Preset", pascal(model))
 }
 

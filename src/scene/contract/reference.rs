@@ -4,7 +4,8 @@ use std::fmt::Write;
 
 use serde_json::{Map, Value};
 
-use super::{AT, Reader, definitions};
+use super::{AT, Reader, definitions, example};
+use crate::presets;
 
 /// The parts in the order of reading, and their headings.
 const PARTS: &[(&str, &str)] = &[
@@ -35,6 +36,9 @@ Any object may have a `$comment`, a text for readers. Names may be written as ph
 as `youngsModulus` or `physics:density`.
 ";
 
+const PICTURES: &str = "The pictures show a block of 20 cm that has hit a ball, at the speed given below. Those of \
+                        models with presets show one of these.";
+
 /// The page.
 pub fn page() -> String {
     let definitions = definitions(Reader::Validator);
@@ -49,8 +53,14 @@ pub fn page() -> String {
          begins with the values of one that people know ([presets](../PRESETS.md)), and what stands beside replaces \
          them. [Materials](../MATERIALS.md) says which one to take.",
     );
+    text += &wrapped(PICTURES);
     for (model, name) in page.materials() {
         text += &page.part(&name, &model, 3);
+        text += &page.shown(&name, "material", None);
+        let preset = presets::all().find(|preset| preset.model == model);
+        let speed = if model == "nacc" { 5 } else { 1 };
+        let own = || format!("![{model} at {speed} m/s](pictures/materials/{model}.png)\n*{model}, {speed} m/s*");
+        let _ = writeln!(text, "\n{}", preset.map_or_else(own, |preset| presets::page::picture(preset, "")));
     }
     text += "\n## Shapes\n";
     let example = "`{\"sphere\": {\"center\": [0, 0, 1], \"radius\": 0.2}}`";
@@ -65,6 +75,9 @@ pub fn page() -> String {
                 let _ = write!(text, "\n### {shape}\n{}", wrapped(about.join(" ").trim()));
             }
         }
+        let name = referred(schema).unwrap_or(shape);
+        text += &page.shown(name, "shape", Some((shape, schema)));
+        let _ = writeln!(text, "\n![{shape}](pictures/shapes/{shape}.png)");
     }
     text
 }
@@ -116,6 +129,18 @@ impl Page<'_> {
             let _ = writeln!(text, "| `{field}` | {} | {default} | {meaning} |", self.kind(schema));
         }
         text
+    }
+
+    /// The example of a definition, or of a member of shapes.
+    fn shown(&self, name: &str, mark: &str, shape: Option<(&str, &Value)>) -> String {
+        let definition = self.definitions.get(name).or(shape.map(|(_, schema)| schema));
+        let first = definition.map(|definition| &definition["examples"][0]).filter(|example| !example.is_null());
+        let first = first.unwrap_or_else(|| panic!("{name} has no example")).clone();
+        let whole = match shape {
+            Some((shape, _)) => Value::Object(Map::from_iter([(shape.to_owned(), first)])),
+            None => first,
+        };
+        format!("\n```json {mark}\n{}\n```\n", example::text(&whole))
     }
 
     /// The type of a value, with its bounds.

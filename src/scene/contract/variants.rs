@@ -7,7 +7,7 @@ use super::{Reader, reference};
 /// Gives every shape and every material a definition of its own.
 pub fn split(definitions: &mut Map<String, Value>, reader: Reader) {
     let shapes = definitions.remove("Shape").expect("scenes have shapes");
-    let shape = split_shapes(shapes, definitions);
+    let shape = split_shapes(shapes, definitions, reader);
     definitions.insert("Shape".into(), shape);
     let materials = definitions.remove("Material").expect("scenes have materials");
     let material = split_materials(materials, definitions, reader);
@@ -30,7 +30,7 @@ fn members(value: Value) -> Map<String, Value> {
 }
 
 /// A shape is an object with one member, whose name tells what it is.
-fn split_shapes(shapes: Value, definitions: &mut Map<String, Value>) -> Value {
+fn split_shapes(shapes: Value, definitions: &mut Map<String, Value>, reader: Reader) -> Value {
     let mut properties = Map::new();
     for variant in shapes["oneOf"].as_array().expect("shapes are alternatives") {
         let (key, inner) = variant["properties"].as_object().and_then(|p| p.iter().next()).expect("it has its name");
@@ -39,7 +39,11 @@ fn split_shapes(shapes: Value, definitions: &mut Map<String, Value>) -> Value {
             let name = pascal(key) + "Shape";
             let mut inner = inner.clone();
             inner["description"] = description.clone();
-            properties.insert(key.clone(), reference(&name));
+            let mut place = reference(&name);
+            if reader == Reader::Validator {
+                place["description"] = description.clone();
+            }
+            properties.insert(key.clone(), place);
             definitions.insert(name, inner);
         } else {
             let mut inner = inner.clone();
@@ -53,6 +57,8 @@ fn split_shapes(shapes: Value, definitions: &mut Map<String, Value>) -> Value {
     })
 }
 
+const MODEL: &str = "The law that it follows; with a preset, that of the preset by default.";
+
 /// A material is an object whose `model` tells what else it has.
 fn split_materials(materials: Value, definitions: &mut Map<String, Value>, reader: Reader) -> Value {
     let mut names = Vec::new();
@@ -60,7 +66,9 @@ fn split_materials(materials: Value, definitions: &mut Map<String, Value>, reade
         let mut variant = variant.clone();
         let model = variant["properties"]["model"]["const"].as_str().expect("it has its name").to_owned();
         variant["properties"]["model"] = match reader {
-            Reader::Validator => json!({ "type": "string", "const": model }),
+            Reader::Validator => {
+                json!({ "description": "The law that it follows.", "type": "string", "const": model })
+            }
             // Some generators read a mark only if it has a type of its own.
             Reader::Generator => {
                 let name = pascal(&model) + "Model";
@@ -77,12 +85,10 @@ fn split_materials(materials: Value, definitions: &mut Map<String, Value>, reade
     }
     let description = &materials["description"];
     if reader == Reader::Generator {
-        let mapping: Map<String, Value> =
-            names.iter().map(|(model, name)| (model.clone(), reference(name)["$ref"].clone())).collect();
+        // Presets join them, which have no model to tell them by.
         return json!({
             "description": description,
             "oneOf": names.iter().map(|(_, name)| reference(name)).collect::<Vec<_>>(),
-            "discriminator": { "propertyName": "model", "mapping": mapping },
         });
     }
     let rule = |(model, name): &(String, String)| {
@@ -92,7 +98,7 @@ fn split_materials(materials: Value, definitions: &mut Map<String, Value>, reade
     let models: Vec<&String> = names.iter().map(|(model, _)| model).collect();
     json!({
         "description": description, "type": "object", "required": ["model"],
-        "properties": { "model": { "type": "string", "enum": models } },
+        "properties": { "model": { "description": MODEL, "type": "string", "enum": models } },
         "allOf": names.iter().map(rule).collect::<Vec<_>>(),
     })
 }

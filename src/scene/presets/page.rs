@@ -15,7 +15,42 @@ const HEAD: &str = "\
 units. *Usual* is the range in which such materials are found. *Really* is what the real material
 has, where the value is softer so that steps are affordable.
 
+In the pictures a block of 20 cm hits a ball that does not move. It is shown when it would have gone
+30 cm. Each is thrown as fast as it takes to show what it does. The cells are of 2 cm. Jelly is torn
+there, though its law knows no tearing: a body comes apart where it is stretched by so much that its
+particles lose each other ([limits](guide/limits.md)).
+
 ";
+
+const CHECKED: &str = "\
+Brackets say what was seen of a work when its values were taken. Many are books that were not at
+hand. Check a value at its source before something depends on it.
+
+";
+
+/// How fast the block of the picture is (m/s): so that ρ v² is of the order of its strength, or as in a fall.
+fn thrown_m_s(preset: &Preset) -> f64 {
+    match (preset.name, preset.model) {
+        ("gelatine", _) => 1.0,
+        ("jelly", _) => 1.5,
+        ("soft-clay" | "stiff-clay", _) => 10.0,
+        ("foam", _) => 15.0,
+        ("cork" | "lead", _) => 50.0,
+        ("concrete" | "ice", _) => 100.0,
+        (_, "neo-hookean" | "stvk-hencky") => 20.0,
+        (_, "von-mises") => 200.0,
+        (_, "weakly-compressible-fluid") => 2.0,
+        _ => 1.0,
+    }
+}
+
+/// The picture of a preset, for pages of the folder that `docs/guide/pictures` is at `from`. The script that draws it
+/// reads the speed there.
+pub fn picture(preset: &Preset, from: &str) -> String {
+    let Preset { name, .. } = preset;
+    let speed = thrown_m_s(preset);
+    format!("![{name} at {speed} m/s]({from}pictures/materials/{name}.png)\n*{name}, {speed} m/s*")
+}
 
 /// Tables of all presets in Markdown, and the list of sources.
 pub fn markdown() -> String {
@@ -28,6 +63,7 @@ pub fn markdown() -> String {
             text += &format!("## {group}\n\n");
         }
         text += &format!("### `{}`: {}\n\n", preset.name, preset.title);
+        text += &format!("{}\n\n", picture(preset, "guide/"));
         text += &wrapped(&format!("{} Model: `{}`. Left out: {}", preset.about, preset.model, preset.limits));
         text += "\n| parameter | value | usual | from |\n|---|---|---|---|\n";
         for quantity in preset.values {
@@ -43,8 +79,9 @@ pub fn markdown() -> String {
     sources.sort_by_key(|source| source.key.to_lowercase());
     sources.dedup();
     text += "## Sources\n\n";
+    text += CHECKED;
     for source in sources {
-        text += wrapped(&format!("- **{}**: {}", source.key, source.text)).replace('\n', "\n  ").trim_end();
+        text += wrapped(&cited(&source, "**")).replace('\n', "\n  ").trim_end();
         text += "\n";
     }
     text
@@ -62,9 +99,15 @@ pub fn text(preset: &Preset) -> String {
     }
     text += "\n  Sources\n";
     for source in preset.sources() {
-        text += &format!("  - {}: {}\n", source.key, source.text);
+        text += &format!("  {}\n", cited(&source, ""));
     }
     text
+}
+
+/// A work, with what was seen of it.
+fn cited(source: &super::Source, strong: &str) -> String {
+    let seen = if source.checked.is_empty() { String::new() } else { format!(" [{}]", source.checked) };
+    format!("- {strong}{}{strong}: {}{seen}", source.key, source.text)
 }
 
 /// Where a value is from.

@@ -12,33 +12,37 @@ use super::vector::{Matrix, Vector, spin};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Body {
+    /// Its own among bodies and sources.
     pub name: String,
     /// Name of an entry of `materials`, or a material as it would be there.
     pub material: String,
+    /// What is filled with particles; without it, `points` has them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shape: Option<Shape>,
+    /// Particles of a file in the place of a shape.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub points: Option<Points>,
     /// Particles per cell; 8 by default (2D: 4). A d-th power of a whole number if the sampling is `regular` or
     /// `jittered`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub particles_per_cell: Option<u32>,
+    /// How particles are laid into the shape.
     #[serde(default)]
     pub sampling: Sampling,
-    /// Initial velocity (m/s).
+    /// Initial velocity (m/s); at rest by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub velocity: Option<Vector>,
-    /// Initial spin about the centre of the body's particles (rad/s); one number in 2D.
+    /// Initial spin about the centre of the body's particles (rad/s); one number in 2D, none by default.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "spin::read")]
     #[schemars(schema_with = "spin::schema")]
     pub angular_velocity: Option<Vector>,
-    /// Initial velocity gradient about the centre of the body's particles (1/s), d × d.
+    /// Initial velocity gradient about the centre of the body's particles (1/s), d × d; none by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub velocity_gradient: Option<Matrix>,
-    /// Initial deformation gradient, d × d; not together with `J`.
+    /// Initial deformation gradient, d × d; not together with `J`. The identity by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub deformation_gradient: Option<Matrix>,
-    /// Initial volume ratio.
+    /// Initial volume ratio; 1 by default.
     #[serde(rename = "J", default, skip_serializing_if = "Option::is_none")]
     pub j: Option<f64>,
     #[doc = "Contact with other bodies, in explicit runs: `separate` slides on all others and parts from them, `slip` \
@@ -71,6 +75,7 @@ pub struct Points {
     pub file: Option<String>,
 }
 
+/// How particles are laid into a shape.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sampling {

@@ -11,12 +11,16 @@ use super::vector::{Vector, spin};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Collider {
+    /// Its own among colliders.
     pub name: String,
+    /// Where it is at time 0.
     pub shape: Shape,
+    /// What it does to material that meets it.
     pub contact: ContactKind,
     /// Coulomb friction coefficient; for `separate` only.
     #[serde(default)]
     pub friction: f64,
+    /// How it moves; without, it stays where it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<Motion>,
     /// Time at which it appears (s); it is there from the start by default.
@@ -57,10 +61,10 @@ impl Grip {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Motion {
-    /// m/s.
+    /// Velocity (m/s); none by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub linear_velocity: Option<Vector>,
-    /// rad/s about `center`; one number in 2D.
+    /// Spin about `center` (rad/s); one number in 2D, none by default.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "spin::read")]
     #[schemars(schema_with = "spin::schema")]
     pub angular_velocity: Option<Vector>,
@@ -70,8 +74,8 @@ pub struct Motion {
     /// Axis of the keyframes' angles (3D); default z.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis: Option<Vector>,
-    #[doc = "At least two, by rising time, in the place of the velocities. Linear between them, held before \
-             the first and after the last."]
+    #[doc = "At least two, by rising time, in the place of the velocities; none by default. Linear between them, held \
+             before the first and after the last."]
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub keyframes: Vec<Keyframe>,
 }

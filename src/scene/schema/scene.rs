@@ -17,14 +17,14 @@ use super::vector::Vector;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
-    /// Where the JSON Schema is, for editors; nothing depends on it.
+    /// Where the JSON Schema is, for editors; nothing depends on it, and by default there is none.
     #[serde(rename = "$schema", default, skip_serializing_if = "Option::is_none")]
     pub schema: Option<String>,
     /// Version of the scene format; 1.
     pub gridfall: u32,
     /// What the scene, and by default its jobs, are called.
     pub name: String,
-    /// One line on what to look for in the result.
+    /// One line on what to look for in the result; empty by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub description: Option<String>,
     /// 2 (plane strain) or 3.
@@ -35,11 +35,11 @@ pub struct Scene {
     /// Gravitational acceleration (m/s²); defaults to zero.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity: Option<Vector>,
-    /// Materials by name; those that stand in bodies get the names of these.
+    /// Materials by name; those that stand in bodies get the names of these. By default only those are there.
     pub materials: BTreeMap<String, SceneMaterial>,
     /// What moves by its own laws.
     pub bodies: Vec<Body>,
-    /// What the run begins with instead of the bodies' first state: the last state of another run.
+    /// What the run begins with: the last state of another run; by default, the bodies' first state.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start: Option<Start>,
     /// Shapes that emit material.
@@ -128,15 +128,18 @@ pub enum Periodic {
     Periodic,
 }
 
+/// What a wall does.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WallContact {
+    /// What the wall does to material that meets it.
     pub contact: ContactKind,
     /// Coulomb friction coefficient; for `separate` only.
     #[serde(default)]
     pub friction: f64,
 }
 
+/// How long a scene lasts, and how often it is recorded.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Time {
@@ -151,17 +154,21 @@ fn default_frame_rate() -> f64 {
     48.0
 }
 
+/// How a scene is computed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Solver {
+    /// How steps are taken in time.
     pub integrator: Integrator,
+    /// How far particles and nodes reach each other.
     pub kernel: Kernel,
+    /// How velocities go from particles to the grid and back.
     pub transfer: Transfer,
     /// Where colliders act on the material, in explicit runs.
     pub contact: ContactAt,
     /// A particle may move at most this share of dx in a step.
     pub cfl: f64,
-    /// Upper bound on the step (s).
+    /// Upper bound on the step (s); none by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_dt: Option<f64>,
     /// Of the explicit integrator; the implicit one is f64 on the CPU and f32 on a GPU, which takes `f32` scenes only.
@@ -185,6 +192,7 @@ impl Default for Solver {
     }
 }
 
+/// What a run records.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Output {

@@ -58,6 +58,8 @@ pub struct PresetSource {
     pub key: &'static str,
     /// Authors, year, title, where.
     pub text: &'static str,
+    /// What of it was seen when its values were taken; empty for what was chosen for this program.
+    pub checked: &'static str,
 }
 
 impl From<(&'static str, &'static Preset)> for MaterialPreset {
@@ -73,7 +75,11 @@ impl From<(&'static str, &'static Preset)> for MaterialPreset {
             note: (!quantity.note.is_empty()).then_some(quantity.note),
             real: quantity.real,
         };
-        let source = |source: presets::sources::Source| PresetSource { key: source.key, text: source.text };
+        let source = |source: presets::sources::Source| PresetSource {
+            key: source.key,
+            text: source.text,
+            checked: source.checked,
+        };
         Self {
             name: preset.name,
             title: preset.title,

@@ -22,6 +22,7 @@ mod guard;
 mod health;
 mod index;
 mod jobs;
+mod laboratory;
 mod layers;
 mod library;
 mod live;

@@ -62,6 +62,7 @@ codes! {
     InvalidRequest UNPROCESSABLE_ENTITY "The body has not the form of a request",
     InvalidAsset UNPROCESSABLE_ENTITY "The upload is nothing that scenes can use",
     InvalidScene UNPROCESSABLE_ENTITY "The scene has faults",
+    InvalidMaterial UNPROCESSABLE_ENTITY "The material or its test has faults",
     InvalidRecording UNPROCESSABLE_ENTITY "The upload is no recording with a scene",
     IdempotencyKeyReused UNPROCESSABLE_ENTITY "The idempotency key belongs to another request",
     CostExceeded UNPROCESSABLE_ENTITY "The run would cost more than allowed",
@@ -95,6 +96,15 @@ impl Problem {
             faults.into_iter().map(|fault| Fault { pointer: format!("/scene{}", fault.pointer), ..fault }).collect();
         let detail = format!("the scene has {n} {}", if n == 1 { "fault" } else { "faults" });
         Self { faults, ..Self::new(Code::InvalidScene, detail) }
+    }
+
+    /// All faults of a material and of its test.
+    pub fn invalid_material(faults: Vec<Fault>) -> Self {
+        let detail = match faults.as_slice() {
+            [fault] => format!("{}: {}; {}", fault.pointer, fault.reason, fault.remedy),
+            _ => format!("the material has {} faults", faults.len()),
+        };
+        Self { faults, ..Self::new(Code::InvalidMaterial, detail) }
     }
 
     pub fn not_ready(checks: Vec<dto::Check>) -> Self {

@@ -13,7 +13,7 @@ use super::openapi::{self, Description};
 use super::state::Api;
 use super::{
     assets, cors, dashboard, devices, docs, encoding, events, exports, frames, groups, guard, health, index, jobs,
-    layers, library, live, load, materials, metrics, outputs, pictures, scenes, surfaces,
+    laboratory, layers, library, live, load, materials, metrics, outputs, pictures, scenes, surfaces,
 };
 
 /// All routes of the API, and their OpenAPI document.
@@ -67,9 +67,10 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         // /v1/library, /v1/library/{name}
         .routes(routes!(library::list))
         .routes(routes!(library::get))
-        // /v1/materials, /v1/materials/{name}
+        // /v1/materials, /v1/materials/{name}, /v1/materials/test
         .routes(routes!(materials::list))
         .routes(routes!(materials::get))
+        .routes(routes!(laboratory::test))
         // /v1/assets, /v1/assets/{id}
         .routes(routes!(assets::put, assets::list))
         .routes(routes!(assets::get))

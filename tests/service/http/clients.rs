@@ -16,6 +16,8 @@ fn generated_clients_do_what_users_do() {
     let walled = |mut scene: serde_json::Value| {
         scene["domain"]["boundary"] =
             serde_json::json!({ "x": "periodic", "y-": { "contact": "separate", "friction": 0.3 } });
+        // Clients know both ways to write a material.
+        scene["materials"]["known"] = serde_json::json!({ "preset": "water", "viscosity": 0.01 });
         scene.to_string().into_bytes()
     };
     file("scene.json", walled(short()));

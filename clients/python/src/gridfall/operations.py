@@ -6,9 +6,12 @@ from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import Any, Literal
 
-from .document import Json
+import numpy as np
+from numpy.typing import NDArray
+
+from .document import Json, MaterialPart, plain
 from .errors import JobFailed, NotFinished
 from .exchange import Answer, Call, Give, Manners, Pause, Talk, ask
 from .models import Asset, DeviceList, Job, JobList, KeptScene, LibraryScene, Ready, Status, Sweep, ValidScene
@@ -17,6 +20,7 @@ from .progress import Progress, Watcher
 from .requests import ENDS, PathLike, SceneLike, commas, decoded, given, id_of, job_of, once, path, scene_of
 from .result import Result
 from .scene import Scene
+from .tables import table
 
 LONGEST_WAIT_S = 50
 """Servers answer after a minute at the latest."""
@@ -47,6 +51,30 @@ def validate(manners: Manners, scene: SceneLike, *, overrides: Json | None = Non
     """What a scene costs; raises `InvalidScene` with all its faults."""
     call = Call("POST", "/v1/scenes:validate", json={**scene_of(scene), **given(overrides=overrides)})
     return ValidScene.from_dict(decoded((yield from ask(manners, call))))
+
+
+def element_test(
+    manners: Manners,
+    material: MaterialPart | Json,
+    test: Literal["uniaxial", "triaxial", "shear", "oedometer"],
+    *,
+    strain: float | None = None,
+    confining_pressure: float | None = None,
+    steps: int | None = None,
+    rate: float | None = None,
+) -> Talk[NDArray[np.void]]:
+    """Takes one element of a material through a test of a laboratory: a record a step, such as `curve["q"]`.
+
+    - material: a preset (`scene.Preset(preset="dry-sand")`), or a model with its parameters.
+    - strain: at the end; by default some times the strain at which the material yields.
+    - confining_pressure: that a triaxial or shear test holds (Pa).
+    - steps: 200 by default.
+    - rate: strain per second, for viscosity and damping; without it, the test is slow.
+    """
+    options = given(strain=strain, confining_pressure=confining_pressure, steps=steps, rate=rate)
+    call = Call("POST", "/v1/materials/test", json={"material": plain(material), "test": test, **options})
+    curve = decoded((yield from ask(manners, call)))
+    return table(dict(zip(curve["columns"], row, strict=True)) for row in curve["rows"])
 
 
 def keep_scene(manners: Manners, scene: SceneLike) -> Talk[KeptScene]:

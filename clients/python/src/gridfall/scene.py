@@ -41,9 +41,10 @@ DomainFit = Literal["grow", "exact"]
 """
 
 
-Elasticity = Literal["fixed-corotated", "hencky"]
+Elasticity = Literal["hencky", "fixed-corotated"]
 """The elastic law of a plastic material.
 - `hencky`: Quadratic in the logarithm of the stretches.
+- `fixed-corotated`: As the material `fixed-corotated`.
 """
 
 
@@ -95,16 +96,26 @@ ImplicitNorm = Literal["error", "characteristic"]
 """
 
 
-Integrator = Literal["explicit", "implicit", "auto"]
-"""- `auto`: Explicit or implicit, whichever is predicted to be faster; the estimate says why."""
+Integrator = Literal["auto", "explicit", "implicit"]
+"""How steps are taken in time.
+- `auto`: Explicit or implicit, whichever is predicted to be faster; the estimate says why.
+- `explicit`: Short steps that cost little; the speed of sound bounds them.
+- `implicit`: Long steps, each a minimisation; motion alone bounds them.
+"""
 
 
 Kernel = Literal["compact", "quadratic", "cubic", "linear"]
-"""A choice of kernel."""
+"""How far particles and nodes reach each other.
+- `compact`: Two grids, on each of which a particle meets the nodes of its cell: sharp contacts, narrow gaps.
+- `quadratic`: B-splines of 3 nodes an axis: smoother fields.
+- `cubic`: B-splines of 4 nodes an axis: smooth stresses; on the CPU only.
+- `linear`: The 2 nodes of the cell an axis, noisy where particles cross cells; for comparison, on the CPU only.
+"""
 
 
 OutputField = Literal["velocity", "J", "von_mises", "pressure", "stress", "strain", "plastic_strain", "body", "id"]
-"""- `J`: Volume ratio det F.
+"""A field that is recorded.
+- `J`: Volume ratio det F.
 - `von_mises`: von Mises equivalent of the Cauchy stress (Pa).
 - `pressure`: Pressure, -tr(Cauchy)/3 (Pa).
 - `stress`: Cauchy stress without viscosity (Pa): `stress_xx`, `stress_yy`, `stress_zz`, `stress_xy`,
@@ -129,7 +140,10 @@ Plasticity = Literal["flowing", "lagged"]
 
 
 Precision = Literal["f32", "f64"]
-"""A choice of precision."""
+"""Of what precision numbers are.
+- `f32`: Single: enough for most scenes.
+- `f64`: Double, on the CPU: for checks of accuracy.
+"""
 
 
 PresetName = Literal[
@@ -168,7 +182,8 @@ PresetName = Literal[
 
 
 Sampling = Literal["regular", "jittered", "poisson-disk", "conforming"]
-"""- `regular`: A lattice of spacing dx / ppc^(1/d), half a spacing from the grid lines.
+"""How particles are laid into a shape.
+- `regular`: A lattice of spacing dx / ppc^(1/d), half a spacing from the grid lines.
 - `jittered`: One point drawn uniformly in each cell of that lattice, seeded.
 - `poisson-disk`: Points at random with a least distance between them, seeded; `particles_per_cell` of them a
   cell on average.
@@ -185,7 +200,8 @@ Smoother = Literal["chebyshev", "gauss-seidel"]
 
 
 Transfer = Literal["pic", "apic", "mls", "mls-published"]
-"""- `pic`: Particles keep no affine velocity; forces by kernel gradients.
+"""How velocities go from particles to the grid and back.
+- `pic`: Particles keep no affine velocity; forces by kernel gradients.
 - `apic`: Affine velocities; forces by kernel gradients.
 - `mls`: Affine velocities; forces by moments (moving least squares). On the compact kernel's two grids, about
   the mean of each grid.
@@ -201,38 +217,42 @@ class Body(Part):
     `points`.
 
     Fields:
-    - J: Initial volume ratio.
-    - angular_velocity: Initial spin about the centre of the body's particles (rad/s); one number in 2D.
+    - J: Initial volume ratio; 1 by default.
+    - angular_velocity: Initial spin about the centre of the body's particles (rad/s); one number in 2D, none by
+      default.
     - contact: Contact with other bodies, in explicit runs: `separate` slides on all others and parts from them,
       `slip` slides only. By default it sticks to those that stick, with which it shares the nodes of the grid.
-    - deformation_gradient: Initial deformation gradient, d × d; not together with `J`.
-    - friction: Coulomb friction coefficient; for `separate` only. Of two bodies' the smaller counts.
+    - deformation_gradient: Initial deformation gradient, d × d; not together with `J`. The identity by default.
+    - friction: Coulomb friction coefficient; for `separate` only. Of two bodies' the smaller counts. Default:
+      0.
     - grips: Regions that hold the body, or move it.
     - material: Name of an entry of `materials`, or a material as it would be there.
-    - name
+    - name: Its own among bodies and sources.
     - particles_per_cell: Particles per cell; 8 by default (2D: 4). A d-th power of a whole number if the
       sampling is `regular` or `jittered`.
-    - points: Optional.
-    - sampling: Default: "regular".
-    - shape: Optional.
-    - velocity: Initial velocity (m/s).
-    - velocity_gradient: Initial velocity gradient about the centre of the body's particles (1/s), d × d.
+    - points: Particles of a file in the place of a shape.
+    - sampling: How particles are laid into the shape. Default: "regular".
+    - shape: What is filled with particles; without it, `points` has them.
+    - velocity: Initial velocity (m/s); at rest by default.
+    - velocity_gradient: Initial velocity gradient about the centre of the body's particles (1/s), d × d; none
+      by default.
     """
 
     known = True
     material: str | MaterialPart | Json = field(metadata=member(of="Material"))
     """Name of an entry of `materials`, or a material as it would be there."""
     name: str = field(metadata=member())
+    """Its own among bodies and sources."""
     J: float | None = field(default=None, metadata=member())
-    """Initial volume ratio."""
+    """Initial volume ratio; 1 by default."""
     angular_velocity: Vector | float | None = field(default=None, metadata=member())
-    """Initial spin about the centre of the body's particles (rad/s); one number in 2D."""
+    """Initial spin about the centre of the body's particles (rad/s); one number in 2D, none by default."""
     contact: ContactKind | None = field(default=None, metadata=member())
     """Contact with other bodies, in explicit runs: `separate` slides on all others and parts from them, `slip`
     slides only. By default it sticks to those that stick, with which it shares the nodes of the grid.
     """
     deformation_gradient: Matrix | None = field(default=None, metadata=member())
-    """Initial deformation gradient, d × d; not together with `J`."""
+    """Initial deformation gradient, d × d; not together with `J`. The identity by default."""
     friction: float | None = field(default=None, metadata=member())
     """Coulomb friction coefficient; for `separate` only. Of two bodies' the smaller counts."""
     grips: Sequence[Grip | Json] | None = field(default=None, metadata=member(of="[Grip]"))
@@ -242,26 +262,31 @@ class Body(Part):
     `jittered`.
     """
     points: Points | Json | None = field(default=None, metadata=member(of="Points"))
+    """Particles of a file in the place of a shape."""
     sampling: Sampling | None = field(default=None, metadata=member())
+    """How particles are laid into the shape."""
     shape: ShapePart | Json | None = field(default=None, metadata=member(of="Shape"))
+    """What is filled with particles; without it, `points` has them."""
     velocity: Vector | None = field(default=None, metadata=member())
-    """Initial velocity (m/s)."""
+    """Initial velocity (m/s); at rest by default."""
     velocity_gradient: Matrix | None = field(default=None, metadata=member())
-    """Initial velocity gradient about the centre of the body's particles (1/s), d × d."""
+    """Initial velocity gradient about the centre of the body's particles (1/s), d × d; none by default."""
 
 
 @dataclass(kw_only=True, repr=False)
 class Box(ShapePart):
-    """Box.
+    """A box along the axes.
 
     Fields:
-    - max
-    - min
+    - max: Upper corner (m).
+    - min: Lower corner (m).
     """
 
     tag = "box"
     max: Vector = field(metadata=member())
+    """Upper corner (m)."""
     min: Vector = field(metadata=member())
+    """Lower corner (m)."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -270,17 +295,21 @@ class Capsule(ShapePart):
     only).
 
     Fields:
-    - axis: Default: [0.0, 0.0, 1.0].
-    - center
-    - height
-    - radius
+    - axis: Direction of its axis, of any length. Default: [0.0, 0.0, 1.0].
+    - center: Middle of its axis (m).
+    - height: Length of the cylinder without its ends (m).
+    - radius: Radius of the cylinder and of its ends (m).
     """
 
     tag = "capsule"
     center: Vector = field(metadata=member())
+    """Middle of its axis (m)."""
     height: float = field(metadata=member())
+    """Length of the cylinder without its ends (m)."""
     radius: float = field(metadata=member())
+    """Radius of the cylinder and of its ends (m)."""
     axis: Vector | None = field(default=None, metadata=member())
+    """Direction of its axis, of any length."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -288,24 +317,28 @@ class Collider(Part):
     """A rigid obstacle.
 
     Fields:
-    - contact
+    - contact: What it does to material that meets it.
     - friction: Coulomb friction coefficient; for `separate` only. Default: 0.0.
     - from_: Time at which it appears (s); it is there from the start by default.
-    - motion: Optional.
-    - name
-    - shape
+    - motion: How it moves; without, it stays where it is.
+    - name: Its own among colliders.
+    - shape: Where it is at time 0.
     - until: Time at which it is gone (s); it stays by default.
     """
 
     known = True
     contact: ContactKind = field(metadata=member())
+    """What it does to material that meets it."""
     name: str = field(metadata=member())
+    """Its own among colliders."""
     shape: ShapePart | Json = field(metadata=member(of="Shape"))
+    """Where it is at time 0."""
     friction: float | None = field(default=None, metadata=member())
     """Coulomb friction coefficient; for `separate` only."""
     from_: float | None = field(default=None, metadata=member(key="from"))
     """Time at which it appears (s); it is there from the start by default."""
     motion: Motion | Json | None = field(default=None, metadata=member(of="Motion"))
+    """How it moves; without, it stays where it is."""
     until: float | None = field(default=None, metadata=member())
     """Time at which it is gone (s); it stays by default."""
 
@@ -316,19 +349,24 @@ class Cone(ShapePart):
     `top_radius` (3D only).
 
     Fields:
-    - axis: Default: [0.0, 0.0, 1.0].
-    - base
-    - height
-    - radius
-    - top_radius: Default: 0.0.
+    - axis: Direction of its axis from there, of any length. Default: [0.0, 0.0, 1.0].
+    - base: Middle of the disc that it begins with (m).
+    - height: From the base to the other end (m).
+    - radius: Radius at the base (m).
+    - top_radius: Radius at the other end (m); 0 for a point. Default: 0.0.
     """
 
     tag = "cone"
     base: Vector = field(metadata=member())
+    """Middle of the disc that it begins with (m)."""
     height: float = field(metadata=member())
+    """From the base to the other end (m)."""
     radius: float = field(metadata=member())
+    """Radius at the base (m)."""
     axis: Vector | None = field(default=None, metadata=member())
+    """Direction of its axis from there, of any length."""
     top_radius: float | None = field(default=None, metadata=member())
+    """Radius at the other end (m); 0 for a point."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -336,17 +374,21 @@ class Cylinder(ShapePart):
     """A capped cylinder; `height` along `axis`, centred (3D only).
 
     Fields:
-    - axis: Default: [0.0, 0.0, 1.0].
-    - center
-    - height
-    - radius
+    - axis: Direction of its axis, of any length. Default: [0.0, 0.0, 1.0].
+    - center: Middle of its axis (m).
+    - height: Its length along the axis (m).
+    - radius: Its radius (m).
     """
 
     tag = "cylinder"
     center: Vector = field(metadata=member())
+    """Middle of its axis (m)."""
     height: float = field(metadata=member())
+    """Its length along the axis (m)."""
     radius: float = field(metadata=member())
+    """Its radius (m)."""
     axis: Vector | None = field(default=None, metadata=member())
+    """Direction of its axis, of any length."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -357,7 +399,7 @@ class Domain(Part):
     - boundary: Walls by name: `x-`, `x+`, `y-`, … for one wall, `x`, `y`, `z` for both walls of an axis. A wall
       that is not named is sticky.
     - dx: Grid spacing (m).
-    - fit: What becomes of an axis that is not a whole number of cells.
+    - fit: What becomes of an axis that is not a whole number of cells. Default: "grow".
     - max: Upper corner (m), a whole number of `dx` from `min` on every axis, or see `fit`.
     - min: Lower corner (m); the grid's origin.
     """
@@ -471,13 +513,15 @@ class HalfSpace(ShapePart):
     """All points behind the plane: (x - point) · normal <= 0.
 
     Fields:
-    - normal
-    - point
+    - normal: Direction out of the solid, of any length.
+    - point: A point of the plane (m).
     """
 
     tag = "half-space"
     normal: Vector = field(metadata=member())
+    """Direction out of the solid, of any length."""
     point: Vector = field(metadata=member())
+    """A point of the plane (m)."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -487,63 +531,70 @@ class Heightfield(ShapePart):
     `max` (x), from y = `base` up to `heights[0][i]`.
 
     Fields:
-    - base
-    - heights
-    - max
-    - min
+    - base: Height of the plane below (m).
+    - heights: Heights of the surface (m), a list for each row along x.
+    - max: Upper corner of the rectangle (m); in 2D where the interval ends.
+    - min: Lower corner of the rectangle (m); in 2D where the interval begins.
     """
 
     tag = "heightfield"
     base: float = field(metadata=member())
+    """Height of the plane below (m)."""
     heights: Matrix = field(metadata=member())
+    """Heights of the surface (m), a list for each row along x."""
     max: Vector = field(metadata=member())
+    """Upper corner of the rectangle (m); in 2D where the interval ends."""
     min: Vector = field(metadata=member())
+    """Lower corner of the rectangle (m); in 2D where the interval begins."""
 
 
 @dataclass(kw_only=True, repr=False)
 class Implicit(Part):
-    """Implicit.
+    """Settings of the implicit integrator.
 
     Fields:
-    - coarse_solve: Default: "fixed".
+    - coarse_solve: The solve on the coarsest level. Default: "fixed".
     - levels: Levels of the multigrid hierarchy, the grid of the particles included. Default: 3.
     - max_iterations: A step ends unconverged after so many outer iterations, which the diagnostics say.
       Default: 1000.
-    - method: Default: "newton".
-    - norm: What the tolerance is measured in: for the method `newton` its `error`, for all others, which have
-      no estimate of it, `characteristic`.
-    - plasticity: When plastic materials flow: for the method `newton` within the step, for all others, which
-      minimise an energy, after it.
+    - method: How a step's equations are solved. Default: "newton".
+    - norm: What the tolerance is measured in; by default, for the method `newton` its `error`, for all others,
+      which have no estimate of it, `characteristic`.
+    - plasticity: When plastic materials flow; by default, for the method `newton` within the step, for all
+      others, which minimise an energy, after it.
     - rebuild: Whether the L-BFGS methods rebuild their model of the Hessian within a step: after 2 and 5
       iterations while far from the tolerance, and every 16. As published they build it once per step. Default:
       true.
-    - smoother: Default: "chebyshev".
-    - tolerance: A step has converged when its residual in the norm is at most this: 1e-2 unless given in the
-      norm `error`, 1e-7 in the norm `characteristic`.
+    - smoother: The smoother of the V-cycle. Default: "chebyshev".
+    - tolerance: A step has converged when its residual in the norm is at most this; by default 1e-2 in the norm
+      `error`, 1e-7 in the norm `characteristic`.
     """
 
     known = True
     coarse_solve: CoarseSolve | None = field(default=None, metadata=member())
+    """The solve on the coarsest level."""
     levels: int | None = field(default=None, metadata=member())
     """Levels of the multigrid hierarchy, the grid of the particles included."""
     max_iterations: int | None = field(default=None, metadata=member())
     """A step ends unconverged after so many outer iterations, which the diagnostics say."""
     method: ImplicitMethod | None = field(default=None, metadata=member())
+    """How a step's equations are solved."""
     norm: ImplicitNorm | None = field(default=None, metadata=member())
-    """What the tolerance is measured in: for the method `newton` its `error`, for all others, which have no
-    estimate of it, `characteristic`.
+    """What the tolerance is measured in; by default, for the method `newton` its `error`, for all others, which
+    have no estimate of it, `characteristic`.
     """
     plasticity: Plasticity | None = field(default=None, metadata=member())
-    """When plastic materials flow: for the method `newton` within the step, for all others, which minimise an
-    energy, after it.
+    """When plastic materials flow; by default, for the method `newton` within the step, for all others, which
+    minimise an energy, after it.
     """
     rebuild: bool | None = field(default=None, metadata=member())
     """Whether the L-BFGS methods rebuild their model of the Hessian within a step: after 2 and 5 iterations while
     far from the tolerance, and every 16. As published they build it once per step.
     """
     smoother: Smoother | None = field(default=None, metadata=member())
+    """The smoother of the V-cycle."""
     tolerance: float | None = field(default=None, metadata=member())
-    """A step has converged when its residual in the norm is at most this: 1e-2 unless given in the norm `error`,
+    """A step has converged when its residual in the norm is at most this; by default 1e-2 in the norm `error`,
     1e-7 in the norm `characteristic`.
     """
 
@@ -575,7 +626,7 @@ class Mesh(ShapePart):
     Fields:
     - asset: Id of an asset that was uploaded to the server: `sha256:` and 64 hexadecimal digits.
     - file: Path of a file, relative to the scene's; on the command line only.
-    - fill: Default: "watertight".
+    - fill: What is inside of it. Default: "watertight".
     """
 
     tag = "mesh"
@@ -584,6 +635,7 @@ class Mesh(ShapePart):
     file: str | None = field(default=None, metadata=member())
     """Path of a file, relative to the scene's; on the command line only."""
     fill: Fill | None = field(default=None, metadata=member())
+    """What is inside of it."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -624,18 +676,18 @@ class Motion(Part):
     """Rigid motion of a collider: velocities, or keyframes.
 
     Fields:
-    - angular_velocity: rad/s about `center`; one number in 2D.
+    - angular_velocity: Spin about `center` (rad/s); one number in 2D, none by default.
     - axis: Axis of the keyframes' angles (3D); default z.
     - center: Centre of rotation at time 0 (m), carried along by the motion; default: the centre of the shape's
       bounding box.
-    - keyframes: At least two, by rising time, in the place of the velocities. Linear between them, held before
-      the first and after the last.
-    - linear_velocity: m/s.
+    - keyframes: At least two, by rising time, in the place of the velocities; none by default. Linear between
+      them, held before the first and after the last.
+    - linear_velocity: Velocity (m/s); none by default.
     """
 
     known = True
     angular_velocity: Vector | float | None = field(default=None, metadata=member())
-    """rad/s about `center`; one number in 2D."""
+    """Spin about `center` (rad/s); one number in 2D, none by default."""
     axis: Vector | None = field(default=None, metadata=member())
     """Axis of the keyframes' angles (3D); default z."""
     center: Vector | None = field(default=None, metadata=member())
@@ -643,11 +695,11 @@ class Motion(Part):
     box.
     """
     keyframes: Sequence[Keyframe | Json] | None = field(default=None, metadata=member(of="[Keyframe]"))
-    """At least two, by rising time, in the place of the velocities. Linear between them, held before the first and
-    after the last.
+    """At least two, by rising time, in the place of the velocities; none by default. Linear between them, held
+    before the first and after the last.
     """
     linear_velocity: Vector | None = field(default=None, metadata=member())
-    """m/s."""
+    """Velocity (m/s); none by default."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -734,17 +786,21 @@ class Rotate(ShapePart):
     """Turned by `angle_degrees` about `axis` (3D; default z) through `center` (default: origin).
 
     Fields:
-    - angle_degrees
-    - axis: Default: [0.0, 0.0, 1.0].
-    - center: Optional.
-    - shape
+    - angle_degrees: By how much (degrees), counter-clockwise where the axis points at the viewer.
+    - axis: Direction that it turns about, of any length (3D only). Default: [0.0, 0.0, 1.0].
+    - center: A point that stays where it is (m); the origin by default.
+    - shape: What is turned.
     """
 
     tag = "rotate"
     angle_degrees: float = field(metadata=member())
+    """By how much (degrees), counter-clockwise where the axis points at the viewer."""
     shape: ShapePart | Json = field(metadata=member(of="Shape"))
+    """What is turned."""
     axis: Vector | None = field(default=None, metadata=member())
+    """Direction that it turns about, of any length (3D only)."""
     center: Vector | None = field(default=None, metadata=member())
+    """A point that stays where it is (m); the origin by default."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -752,26 +808,29 @@ class Scale(ShapePart):
     """Made larger by `factor` about `center` (default: origin).
 
     Fields:
-    - center: Optional.
-    - factor
-    - shape
+    - center: A point that stays where it is (m); the origin by default.
+    - factor: New lengths by old ones.
+    - shape: What is scaled.
     """
 
     tag = "scale"
     factor: float = field(metadata=member())
+    """New lengths by old ones."""
     shape: ShapePart | Json = field(metadata=member(of="Shape"))
+    """What is scaled."""
     center: Vector | None = field(default=None, metadata=member())
+    """A point that stays where it is (m); the origin by default."""
 
 
 @dataclass(kw_only=True, repr=False)
 class Output(Part):
-    """Output.
+    """What a run records.
 
     Fields:
     - fields: Scalar and vector fields recorded with each point, beside position and colour. Default:
       ["velocity"].
     - preview_points: Points recorded per frame at most; more are decimated evenly. Default: 200000.
-    - state: Whether the run leaves its last state, for another run to `start` with.
+    - state: Whether the run leaves its last state, for another run to `start` with. Default: false.
     """
 
     known = True
@@ -785,7 +844,7 @@ class Output(Part):
 
 @dataclass(kw_only=True, repr=False)
 class Time(Part):
-    """Time.
+    """How long a scene lasts, and how often it is recorded.
 
     Fields:
     - end: Simulated time at which the job ends (s).
@@ -804,13 +863,15 @@ class Shell(ShapePart):
     """The layer of the given thickness inside the shape's surface.
 
     Fields:
-    - shape
-    - thickness
+    - shape: What it is the shell of.
+    - thickness: From the surface inwards (m).
     """
 
     tag = "shell"
     shape: ShapePart | Json = field(metadata=member(of="Shape"))
+    """What it is the shell of."""
     thickness: float = field(metadata=member())
+    """From the surface inwards (m)."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -848,18 +909,18 @@ class Snow(MaterialPart):
 
 @dataclass(kw_only=True, repr=False)
 class Solver(Part):
-    """Solver.
+    """How a scene is computed.
 
     Fields:
     - cfl: A particle may move at most this share of dx in a step. Default: 0.5.
     - contact: Where colliders act on the material, in explicit runs. Default: "particles".
     - implicit: Settings of the implicit integrator.
-    - integrator: Default: "auto".
-    - kernel: Default: "compact".
-    - max_dt: Upper bound on the step (s).
+    - integrator: How steps are taken in time. Default: "auto".
+    - kernel: How far particles and nodes reach each other. Default: "compact".
+    - max_dt: Upper bound on the step (s); none by default.
     - precision: Of the explicit integrator; the implicit one is f64 on the CPU and f32 on a GPU, which takes
       `f32` scenes only. Default: "f32".
-    - transfer: Default: "mls".
+    - transfer: How velocities go from particles to the grid and back. Default: "mls".
     """
 
     known = True
@@ -870,14 +931,17 @@ class Solver(Part):
     implicit: Implicit | Json | None = field(default=None, metadata=member(of="Implicit"))
     """Settings of the implicit integrator."""
     integrator: Integrator | None = field(default=None, metadata=member())
+    """How steps are taken in time."""
     kernel: Kernel | None = field(default=None, metadata=member())
+    """How far particles and nodes reach each other."""
     max_dt: float | None = field(default=None, metadata=member())
-    """Upper bound on the step (s)."""
+    """Upper bound on the step (s); none by default."""
     precision: Precision | None = field(default=None, metadata=member())
     """Of the explicit integrator; the implicit one is f64 on the CPU and f32 on a GPU, which takes `f32` scenes
     only.
     """
     transfer: Transfer | None = field(default=None, metadata=member())
+    """How velocities go from particles to the grid and back."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -916,16 +980,18 @@ class Source(Part):
 
 @dataclass(kw_only=True, repr=False)
 class Sphere(ShapePart):
-    """Sphere.
+    """A ball; in 2D a disc.
 
     Fields:
-    - center
-    - radius
+    - center: Its centre (m).
+    - radius: Its radius (m).
     """
 
     tag = "sphere"
     center: Vector = field(metadata=member())
+    """Its centre (m)."""
     radius: float = field(metadata=member())
+    """Its radius (m)."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -977,31 +1043,37 @@ class Torus(ShapePart):
     """A ring about `axis` (3D only).
 
     Fields:
-    - axis: Default: [0.0, 0.0, 1.0].
-    - center
-    - major_radius
-    - minor_radius
+    - axis: Direction of the axis that it is round about, of any length. Default: [0.0, 0.0, 1.0].
+    - center: Its centre (m).
+    - major_radius: From the centre to the middle of the ring's tube (m).
+    - minor_radius: Radius of the tube (m).
     """
 
     tag = "torus"
     center: Vector = field(metadata=member())
+    """Its centre (m)."""
     major_radius: float = field(metadata=member())
+    """From the centre to the middle of the ring's tube (m)."""
     minor_radius: float = field(metadata=member())
+    """Radius of the tube (m)."""
     axis: Vector | None = field(default=None, metadata=member())
+    """Direction of the axis that it is round about, of any length."""
 
 
 @dataclass(kw_only=True, repr=False)
 class Translate(ShapePart):
-    """Translate.
+    """Moved by `offset`.
 
     Fields:
-    - offset
-    - shape
+    - offset: How far along each axis (m).
+    - shape: What is moved.
     """
 
     tag = "translate"
     offset: Vector = field(metadata=member())
+    """How far along each axis (m)."""
     shape: ShapePart | Json = field(metadata=member(of="Shape"))
+    """What is moved."""
 
 
 @dataclass(kw_only=True, repr=False)
@@ -1038,15 +1110,16 @@ class VonMises(MaterialPart):
 
 @dataclass(kw_only=True, repr=False)
 class WallContact(Part):
-    """Wall contact.
+    """What a wall does.
 
     Fields:
-    - contact
+    - contact: What the wall does to material that meets it.
     - friction: Coulomb friction coefficient; for `separate` only. Default: 0.0.
     """
 
     known = True
     contact: ContactKind = field(metadata=member())
+    """What the wall does to material that meets it."""
     friction: float | None = field(default=None, metadata=member())
     """Coulomb friction coefficient; for `separate` only."""
 
@@ -1086,7 +1159,7 @@ class Difference(ShapesPart):
 
 @dataclass(kw_only=True, repr=False)
 class Intersection(ShapesPart):
-    """The intersection of shapes."""
+    """What is in all of the shapes."""
 
     tag = "intersection"
     shapes: Sequence[ShapePart | Json] = field(metadata=member(of="[Shape]"))
@@ -1094,7 +1167,7 @@ class Intersection(ShapesPart):
 
 @dataclass(kw_only=True, repr=False)
 class Union(ShapesPart):
-    """The union of shapes."""
+    """All that is in one of the shapes or in several."""
 
     tag = "union"
     shapes: Sequence[ShapePart | Json] = field(metadata=member(of="[Shape]"))
@@ -1164,21 +1237,22 @@ class Scene(Part):
     """A complete scene.
 
     Fields:
-    - schema_: Where the JSON Schema is, for editors; nothing depends on it.
+    - schema_: Where the JSON Schema is, for editors; nothing depends on it, and by default there is none.
     - bodies: What moves by its own laws.
     - colliders: Rigid obstacles.
-    - description: One line on what to look for in the result.
+    - description: One line on what to look for in the result; empty by default.
     - dimension: 2 (plane strain) or 3. Default: 3.
     - domain: Where it takes place, and on what grid.
     - gravity: Gravitational acceleration (m/s²); defaults to zero.
     - gridfall: Version of the scene format; 1.
-    - materials: Materials by name; those that stand in bodies get the names of these.
+    - materials: Materials by name; those that stand in bodies get the names of these. By default only those are
+      there.
     - name: What the scene, and by default its jobs, are called.
     - output: What is recorded.
     - seed: Of everything that is drawn at random; the same seed gives the same run. Default: 1.
     - solver: How it is computed.
     - sources: Shapes that emit material.
-    - start: What the run begins with instead of the bodies' first state: the last state of another run.
+    - start: What the run begins with: the last state of another run; by default, the bodies' first state.
     - time: How long it lasts, and how often it is recorded.
     """
 
@@ -1194,17 +1268,17 @@ class Scene(Part):
     time: Time | Json = field(metadata=member(of="Time"))
     """How long it lasts, and how often it is recorded."""
     schema_: str | None = field(default=None, metadata=member(key="$schema"))
-    """Where the JSON Schema is, for editors; nothing depends on it."""
+    """Where the JSON Schema is, for editors; nothing depends on it, and by default there is none."""
     colliders: Sequence[Collider | Json] | None = field(default=None, metadata=member(of="[Collider]"))
     """Rigid obstacles."""
     description: str | None = field(default=None, metadata=member())
-    """One line on what to look for in the result."""
+    """One line on what to look for in the result; empty by default."""
     dimension: int | None = field(default=None, metadata=member())
     """2 (plane strain) or 3."""
     gravity: Vector | None = field(default=None, metadata=member())
     """Gravitational acceleration (m/s²); defaults to zero."""
     materials: Mapping[str, MaterialPart | Json] | None = field(default=None, metadata=member(of="{Material}"))
-    """Materials by name; those that stand in bodies get the names of these."""
+    """Materials by name; those that stand in bodies get the names of these. By default only those are there."""
     output: Output | Json | None = field(default=None, metadata=member(of="Output"))
     """What is recorded."""
     seed: int | None = field(default=None, metadata=member())
@@ -1214,4 +1288,4 @@ class Scene(Part):
     sources: Sequence[Source | Json] | None = field(default=None, metadata=member(of="[Source]"))
     """Shapes that emit material."""
     start: StartState | Json | None = field(default=None, metadata=member(of="StartState"))
-    """What the run begins with instead of the bodies' first state: the last state of another run."""
+    """What the run begins with: the last state of another run; by default, the bodies' first state."""

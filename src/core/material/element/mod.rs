@@ -27,7 +27,7 @@ use super::{Law, initial_plastic_state};
 use crate::maths::linalg::{Matrix, det, double_dot, identity, mul, mul_transpose, trace};
 use crate::maths::svd::svd;
 pub use point::Point;
-pub use programme::{Programme, Test};
+pub use programme::{Programme, Refused, Test, Wishes};
 use solve::root;
 
 /// Why a test could not be driven to its end.

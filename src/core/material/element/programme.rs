@@ -56,6 +56,30 @@ pub struct Programme {
     pub rate: f64,
 }
 
+/// How a test shall be done where it differs from the usual one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wishes {
+    pub strain: Option<f64>,
+    pub confining_pressure: Option<f64>,
+    pub steps: Option<usize>,
+    pub rate: Option<f64>,
+}
+
+/// A wish that no test can fulfil.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Refused {
+    /// Name of the field of [`Wishes`].
+    pub field: &'static str,
+    /// What is wrong with it, after the field's name.
+    pub reason: String,
+    pub remedy: &'static str,
+}
+
+/// Strains (absolute) that a test may go to.
+const MAX_STRAIN: f64 = 100.0;
+/// Length by the length at the start that has to be left.
+const LEAST_STRETCH: f64 = 0.01;
+
 /// Points of a curve unless said otherwise.
 const STEPS: usize = 200;
 /// The usual confining pressure (Pa): that of the atmosphere.
@@ -80,6 +104,47 @@ impl Programme {
         };
         programme.strain = programme.usual_strain(material);
         programme
+    }
+
+    /// A test as it suits a material, but for some wishes.
+    ///
+    /// # Errors
+    /// The first wish that cannot be fulfilled.
+    pub fn wished(material: &Material, test: Test, wishes: &Wishes) -> Result<Self, Refused> {
+        let refused = |field, reason, remedy| Err(Refused { field, reason, remedy });
+        let mut programme = Self::usual(material, test);
+        if let Some(pressure) = wishes.confining_pressure {
+            if !test.takes_pressure() {
+                let reason = format!("is given, and a {} test holds no pressure", test.name());
+                return refused("confining_pressure", reason, "take it out");
+            }
+            if !(pressure >= 0.0 && pressure.is_finite()) {
+                return refused("confining_pressure", format!("is {pressure}"), "write 0 or a number above 0");
+            }
+            programme.confining_pressure = pressure;
+            programme.strain = programme.usual_strain(material);
+        }
+        if let Some(rate) = wishes.rate {
+            if !(rate > 0.0 && rate.is_finite()) {
+                return refused("rate", format!("is {rate}"), "write a number above 0");
+            }
+            programme.rate = rate;
+        }
+        if let Some(steps) = wishes.steps {
+            if steps == 0 {
+                return refused("steps", "is 0".into(), "write a number above 0");
+            }
+            programme.steps = steps;
+        }
+        if let Some(strain) = wishes.strain {
+            let short = test != Test::Shear && test.stretch(strain) < LEAST_STRETCH;
+            if !strain.is_finite() || strain == 0.0 || short || strain.abs() > MAX_STRAIN {
+                let remedy = "write one that is not 0 and leaves a hundredth of the length";
+                return refused("strain", format!("is {strain}"), remedy);
+            }
+            programme.strain = strain;
+        }
+        Ok(programme)
     }
 
     /// Some times the strain at which the material yields; of elastic ones, one that shows their shape.

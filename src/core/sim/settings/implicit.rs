@@ -3,22 +3,26 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// Settings of the implicit integrator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Implicit {
+    /// How a step's equations are solved.
     pub method: Method,
-    /// What the tolerance is measured in: for the method `newton` its `error`, for all others, which have no
-    /// estimate of it, `characteristic`.
+    /// What the tolerance is measured in; by default, for the method `newton` its `error`, for all others, which have
+    /// no estimate of it, `characteristic`.
     pub norm: Option<Norm>,
-    /// A step has converged when its residual in the norm is at most this: 1e-2 unless given in the norm `error`, 1e-7
+    /// A step has converged when its residual in the norm is at most this; by default 1e-2 in the norm `error`, 1e-7
     /// in the norm `characteristic`.
     pub tolerance: Option<f64>,
-    /// When plastic materials flow: for the method `newton` within the step, for all others, which minimise an energy,
-    /// after it.
+    /// When plastic materials flow; by default, for the method `newton` within the step, for all others, which
+    /// minimise an energy, after it.
     pub plasticity: Option<Plasticity>,
     /// Levels of the multigrid hierarchy, the grid of the particles included.
     pub levels: u32,
+    /// The smoother of the V-cycle.
     pub smoother: Smoother,
+    /// The solve on the coarsest level.
     pub coarse_solve: CoarseSolve,
     /// Whether the L-BFGS methods rebuild their model of the Hessian within a step: after 2 and 5
     /// iterations while far from the tolerance, and every 16. As published they build it once per step.

@@ -8,12 +8,15 @@ pub use implicit::{CoarseSolve, Implicit, Method, Norm, Plasticity, Smoother};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// How steps are taken in time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Integrator {
     /// Explicit or implicit, whichever is predicted to be faster; the estimate says why.
     Auto,
+    /// Short steps that cost little; the speed of sound bounds them.
     Explicit,
+    /// Long steps, each a minimisation; motion alone bounds them.
     Implicit,
 }
 
@@ -28,15 +31,21 @@ impl Integrator {
     }
 }
 
+/// How far particles and nodes reach each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kernel {
+    /// Two grids, on each of which a particle meets the nodes of its cell: sharp contacts, narrow gaps.
     Compact,
+    /// B-splines of 3 nodes an axis: smoother fields.
     Quadratic,
+    /// B-splines of 4 nodes an axis: smooth stresses; on the CPU only.
     Cubic,
+    /// The 2 nodes of the cell an axis, noisy where particles cross cells; for comparison, on the CPU only.
     Linear,
 }
 
+/// How velocities go from particles to the grid and back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Transfer {
@@ -84,13 +93,17 @@ pub enum ContactAt {
     Nodes,
 }
 
+/// Of what precision numbers are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Precision {
+    /// Single: enough for most scenes.
     F32,
+    /// Double, on the CPU: for checks of accuracy.
     F64,
 }
 
+/// A field that is recorded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "Field")]
 pub enum OutputField {

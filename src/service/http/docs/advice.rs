@@ -69,6 +69,10 @@ pub fn of(code: Code) -> &'static str {
             "`faults` has all that is wrong with the scene: for each the place as a JSON pointer, the reason and \
              what to change. The schema at `/v1/schema/scene` finds many of them while you type."
         }
+        Code::InvalidMaterial => {
+            "`faults` has all that is wrong with the material or its test: for each the place as a JSON pointer, the \
+             reason and what to change."
+        }
         Code::InvalidRecording => {
             "The upload is no recording of Gridfall, or not its beginning. Send its first MiB, or all of it."
         }

@@ -24,7 +24,7 @@ pub fn finish(mut document: Value) -> Value {
     components.insert("StepRow".into(), rows::step());
     for (name, component) in scene::contract::components() {
         let replaced = components.insert(name.clone(), component);
-        assert!(replaced.is_none() || name == "Scene", "two schemas are called {name}");
+        assert!(replaced.is_none() || ["Material", "Scene"].contains(&name.as_str()), "two schemas are called {name}");
     }
     for (_, request) in components.iter_mut().filter(|(name, _)| REQUESTS.contains(&name.as_str())) {
         members(&mut request["properties"]).for_each(left_out);
@@ -45,7 +45,7 @@ fn members(value: &mut Value) -> impl Iterator<Item = &mut Value> {
 }
 
 /// What clients send.
-const REQUESTS: &[&str] = &["SubmitJob", "RerunJob", "SubmitSweep", "JobFilter", "KeepScene"];
+const REQUESTS: &[&str] = &["SubmitJob", "RerunJob", "SubmitSweep", "JobFilter", "KeepScene", "TestMaterial"];
 
 /// What answers lead to: where in them the id is that other operations take.
 const LINKS: &[(&str, &str, &str, &str, &[&str])] = &[

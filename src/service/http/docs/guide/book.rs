@@ -5,6 +5,7 @@ use std::fmt::Write;
 use std::sync::OnceLock;
 
 use super::render::{self, escape};
+use super::search::sections;
 
 // Paths in `docs/`, and contents.
 include!(concat!(env!("OUT_DIR"), "/guide.rs"));
@@ -25,6 +26,8 @@ enum Entry {
 /// All pages as HTML, by their addresses below `/docs/guide/`.
 pub struct Book {
     pages: BTreeMap<String, String>,
+    /// What the search looks through (JSON).
+    index: String,
 }
 
 impl Book {
@@ -35,6 +38,10 @@ impl Book {
 
     pub fn page(&self, address: &str) -> Option<&str> {
         self.pages.get(address).map(String::as_str)
+    }
+
+    pub fn index(&self) -> &str {
+        &self.index
     }
 
     pub fn picture(&self, address: &str) -> Option<&'static [u8]> {
@@ -66,7 +73,9 @@ impl Book {
                 .replace("{page}", &render::html(text, path));
             (address(path), page)
         });
-        Self { pages: bound.collect() }
+        let text = |path: &str| source(path).unwrap_or_default();
+        let index: Vec<_> = pages.iter().flat_map(|(title, path)| sections(title, path, text(path))).collect();
+        Self { pages: bound.collect(), index: serde_json::to_string(&index).expect("sections are plain data") }
     }
 }
 
@@ -142,7 +151,7 @@ mod tests {
                     );
                     continue;
                 };
-                if target == "style.css" || book.picture(target).is_some() {
+                if ["style.css", "search.js"].contains(&target) || book.picture(target).is_some() {
                     continue;
                 }
                 let found = book.page(target).unwrap_or_else(|| panic!("{address}: no page {link}"));
@@ -150,6 +159,35 @@ mod tests {
             }
             assert!(!page.contains("style=\""), "{address} has a style that the policy forbids");
         }
+    }
+
+    #[test]
+    fn headings_have_names_of_their_own() {
+        for (address, page) in &Book::get().pages {
+            let mut names: Vec<&str> = page.split(" id=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+            let all = names.len();
+            names.sort_unstable();
+            names.dedup();
+            assert_eq!(names.len(), all, "{address} has a heading twice");
+        }
+    }
+
+    #[test]
+    fn the_search_finds_every_heading_at_its_place() {
+        let book = Book::get();
+        let index: serde_json::Value = serde_json::from_str(book.index()).unwrap();
+        let sections = index.as_array().unwrap();
+        for section in sections {
+            let link = section["href"].as_str().unwrap().strip_prefix("/docs/guide/").unwrap();
+            let (page, anchor) = link.split_once('#').unwrap_or((link, "page"));
+            assert!(book.page(page).unwrap().contains(&format!("id=\"{anchor}\"")), "{section}");
+        }
+        let count = |page: &String| (1..=6).map(|n| page.matches(&format!("<h{n} id=")).count()).sum::<usize>();
+        let headings: usize = book.pages.values().map(count).sum();
+        let found = sections.iter().filter(|section| section["href"].as_str().unwrap().contains('#')).count();
+        assert_eq!(found, headings);
+        let has = |word: &str| sections.iter().any(|section| section["text"].as_str().unwrap().contains(word));
+        assert!(has("yield_stress") && has("gridfall render") && has("Coulomb"));
     }
 
     #[test]

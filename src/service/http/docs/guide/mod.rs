@@ -2,6 +2,7 @@
 
 mod book;
 mod render;
+mod search;
 
 use axum::Router;
 use axum::extract::Path;
@@ -16,10 +17,11 @@ use super::super::state::Api;
 use super::super::submission::sha256_hex;
 use book::Book;
 
-/// Styles and pictures from this server, and nothing else.
-const POLICY: &str = "default-src 'none'; style-src 'self'; img-src 'self'; base-uri 'none'; form-action 'none'; \
-                      frame-ancestors 'none'";
+/// Styles, pictures and the search from this server, and nothing else.
+const POLICY: &str = "default-src 'none'; style-src 'self'; img-src 'self'; script-src 'self'; connect-src 'self'; \
+                      base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 const STYLE: &str = include_str!("style.css");
+const SEARCH: &str = include_str!("search.js");
 
 /// The routes of the guide's pages and pictures.
 pub fn routes() -> Router<Api> {
@@ -34,10 +36,13 @@ async fn first(uri: Uri, headers: HeaderMap) -> Result<Response, Problem> {
 }
 
 async fn page(Path(name): Path<String>, uri: Uri, headers: HeaderMap) -> Result<Response, Problem> {
-    if name == "style.css" {
-        return send("text/css; charset=utf-8", STYLE.as_bytes(), &headers);
-    }
     let book = Book::get();
+    match name.as_str() {
+        "style.css" => return send("text/css; charset=utf-8", STYLE.as_bytes(), &headers),
+        "search.js" => return send("text/javascript; charset=utf-8", SEARCH.as_bytes(), &headers),
+        "search.json" => return send("application/json", book.index().as_bytes(), &headers),
+        _ => {}
+    }
     if let Some(page) = book.page(&name) {
         return send("text/html; charset=utf-8", page.as_bytes(), &headers);
     }

@@ -4,11 +4,13 @@ use pulldown_cmark::{CowStr, Event, Options, Parser, Tag, TagEnd};
 
 use super::book::{has_picture, href, source};
 
+/// What is read of Markdown beyond its core.
+pub const OPTIONS: Options = Options::ENABLE_TABLES.union(Options::ENABLE_STRIKETHROUGH);
+
 /// A page of `docs/` as HTML. Links between pages lead to their addresses; headings can be linked to.
 pub fn html(text: &str, path: &str) -> String {
-    let options = Options::ENABLE_TABLES | Options::ENABLE_STRIKETHROUGH;
     let mut linked = Vec::new();
-    let events = headings(Parser::new_ext(text, options).collect());
+    let events = headings(Parser::new_ext(text, OPTIONS).collect());
     let events = events.into_iter().filter_map(|event| match event {
         Event::Start(Tag::Link { link_type, dest_url, title, id }) => {
             let to = target(&dest_url, path);
@@ -26,8 +28,9 @@ pub fn html(text: &str, path: &str) -> String {
     });
     let mut html = String::new();
     pulldown_cmark::html::push_html(&mut html, events);
-    // A table that is too wide moves in a frame of its own.
-    html.replace("<table>", "<div class=\"wide\"><table>").replace("</table>", "</table></div>")
+    // What is too wide moves in a frame of its own, by keyboard too.
+    let framed = html.replace("<table>", "<div class=\"wide\" tabindex=\"0\"><table>");
+    framed.replace("</table>", "</table></div>").replace("<pre>", "<pre tabindex=\"0\">")
 }
 
 /// Gives headings the names that links use: their words in small letters, with hyphens.
@@ -56,7 +59,8 @@ fn headings(events: Vec<Event>) -> Vec<Event> {
     named
 }
 
-fn anchor(words: &str) -> String {
+/// The name of a heading for links.
+pub fn anchor(words: &str) -> String {
     let kept = words.trim().chars().filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'));
     kept.flat_map(char::to_lowercase).map(|c| if c == ' ' { '-' } else { c }).collect()
 }
@@ -97,8 +101,8 @@ mod tests {
     fn links_lead_to_where_pages_are_served() {
         for (link, page, expected) in [
             ("../NUMERICS.md#flow-inside-the-step", "guide/limits.md", "/docs/guide/NUMERICS#flow-inside-the-step"),
-            ("tutorial.md", "guide/README.md", "/docs/guide/tutorial"),
-            ("README.md", "guide/tutorial.md", "/docs/guide/"),
+            ("guide/tutorial.md", "README.md", "/docs/guide/tutorial"),
+            ("../README.md", "guide/tutorial.md", "/docs/guide/"),
             ("pictures/job.png", "x.md", "/docs/guide/pictures/job.png"),
             ("../scenes/dam-break.json", "SCENES.md", "/v1/library/dam-break"),
             ("#here", "SCENES.md", "#here"),
@@ -114,6 +118,6 @@ mod tests {
     fn headings_have_names_and_tables_no_styles() {
         let page = html("## Implicit: `newton` & co\n\n| a |\n|--:|\n| 1 |\n", "x.md");
         assert!(page.contains("<h2 id=\"implicit-newton--co\">"), "{page}");
-        assert!(page.contains("<div class=\"wide\"><table>") && !page.contains("style"), "{page}");
+        assert!(page.contains("<div class=\"wide\" tabindex=\"0\"><table>") && !page.contains("style"), "{page}");
     }
 }
