@@ -14,6 +14,9 @@ async function nothingYet(browser) {
   await browser.shows(".empty", "No jobs yet");
   await browser.shows(".devices", "Jobs run on CPU");
   await browser.look("empty");
+  await browser.go("#/sweeps");
+  await browser.shows(".empty", "No sweeps yet");
+  await browser.look("no-sweeps");
 }
 
 async function faultsWhileTyping(browser) {
@@ -329,7 +332,6 @@ export const all = {
   again,
   failure,
   manyByKeyboard,
-  lostAndFound,
-  focusIsSeen,
-  gone,
 };
+
+export const last = { lostAndFound, focusIsSeen, gone };

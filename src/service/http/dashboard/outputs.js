@@ -16,11 +16,13 @@ const VIEWERS = [
 const file = (href, name, about) =>
   h("li", {}, h("a", { href, download: true }, name), h("span", { class: "note" }, about));
 
-/** Downloads of a job as it stands. */
-export function downloads(job) {
+/** Downloads of a job as it stands; `scene` is known a little later. */
+export function downloads(job, scene) {
   const of = (name) => `/v1/jobs/${job.id}/${name}`;
   if (job.status === "queued") return [h("p", { class: "note" }, "There is nothing to download before the job runs.")];
   const some = job.progress.frames_written > 0;
+  const state = hasEnded(job) && some && scene?.output?.state;
+  const from = h("a", { href: `#/new?job=${job.id}&start=${job.id}` }, "start a job from it");
   const recording = hasEnded(job)
     ? file(of("recording.mcap"), "recording.mcap", "all frames")
     : file(of("recording-so-far.mcap"), "recording-so-far.mcap", "the frames so far");
@@ -30,7 +32,9 @@ export function downloads(job) {
       { class: "files" },
       some && recording,
       some && file(of("diagnostics.csv"), "diagnostics.csv", "energies, momenta, steps"),
+      some && file(of("diagnostics"), "diagnostics.json", "the same"),
       job.integrator === "implicit" && some && file(of("solver.csv"), "solver.csv", "a row for each implicit step"),
+      state && file(of("state.npz"), "state.npz", ["the last state; ", from]),
       hasEnded(job) && some && file(of("thumbnail.png"), "thumbnail.png", "the last frame"),
       file(of("scene"), "scene.json", "as it was run"),
       file(of("log"), "log.txt", "what happened"),
