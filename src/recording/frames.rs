@@ -79,7 +79,8 @@ impl FrameIndex {
         Cloud::new(cloud, time_s).map(Some).ok_or_else(|| damaged(target, "its points have no positions"))
     }
 
-    /// The colliders of a frame, and the domain; `None` if the frame is not there at the last look.
+    /// The colliders of a frame, and the domain; `None` if the frame is not there at the last look, or the recording
+    /// has none, as those of old releases.
     ///
     /// # Errors
     /// When the file cannot be read, or is damaged there.
@@ -89,17 +90,18 @@ impl FrameIndex {
         let chunks = &self.contents.chunks[..self.frames.get(next).copied().unwrap_or(self.contents.chunks.len())];
         // The last message of a topic that is sent with this frame, or was before it.
         let latest = |topic: &str, from: usize| -> Result<_, RecordingError> {
-            let none = || damaged(target, &format!("it has no {topic} up to frame {frame}"));
-            let channel = self.contents.channel(topic).ok_or_else(none)?;
+            let Some(channel) = self.contents.channel(topic) else { return Ok(None) };
             let at = chunks.iter().rposition(|chunk| chunk.counts.contains_key(&channel)).filter(|at| *at >= from);
-            self.message(target, at.ok_or_else(none)?, |header| header.channel_id == channel)?.ok_or_else(none)
+            let Some(at) = at else { return Ok(None) };
+            self.message(target, at, |header| header.channel_id == channel)
         };
-        let ((moved, frames), (shown, shapes)) = (latest("/tf", first)?, latest("/colliders", 0)?);
+        let (Some((moved, frames)), Some((shown, shapes))) = (latest("/tf", first)?, latest("/colliders", 0)?) else {
+            return Ok(None);
+        };
         let wrong = |error: prost::DecodeError| damaged(target, &error.to_string());
         let frames = FrameTransforms::decode(frames.as_slice()).map_err(wrong)?;
         let shapes = SceneUpdate::decode(shapes.as_slice()).map_err(wrong)?;
-        let found = solids(&shapes, shown.sequence, &frames, moved.log_time as f64 / 1e9);
-        found.map(Some).ok_or_else(|| damaged(target, "its shapes have no domain"))
+        Ok(solids(&shapes, shown.sequence, &frames, moved.log_time as f64 / 1e9))
     }
 
     /// The last message of a chunk that is wanted.

@@ -12,7 +12,7 @@ const ended = async (browser, scene) => {
 
 /** The canvas, once it no longer changes. */
 async function settled(browser) {
-  for (let before = null; ; ) {
+  for (let before = null; ;) {
     await new Promise((resolve) => setTimeout(resolve, 200));
     const now = await browser.painted(".view3d");
     if (before?.sum === now.sum) return now;

@@ -12,8 +12,7 @@ const written = (name, content) => {
   return join(folder, name);
 };
 const scene = (browser) => browser.page.$eval("#scene", (text) => JSON.parse(text.value));
-const ready = (browser) =>
-  browser.until("the button", () => !document.querySelector(".judge .primary").disabled);
+const ready = (browser) => browser.until("the button", () => !document.querySelector(".judge .primary").disabled);
 
 async function aMeshIsUploadedAndUsed(browser) {
   const { page } = browser;

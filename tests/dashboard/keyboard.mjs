@@ -114,7 +114,7 @@ async function hundredsOfJobs(browser) {
   }
   await browser.go("");
   await browser.until("a page", () => document.querySelectorAll(".jobs tbody tr").length === 25);
-  await browser.shows(".jobs .progress", "501st in the queue");
+  await browser.shows(".jobs .progress", "500th in the queue");
   await browser.look("crowd");
   for (let n = 2; n <= 21; n += 1) {
     const before = await browser.text(".jobs tbody a");

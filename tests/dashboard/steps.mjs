@@ -194,6 +194,9 @@ async function fromTheLibrary(browser) {
   );
   await page.goto(`${browser.url}/#/jobs/${job}`);
   await browser.shows(".far", "left");
+  const live = encodeURIComponent(`${browser.url.replace("http", "ws")}/v1/jobs/${job}/live`);
+  const viewers = await page.$$eval(".viewers a", (links) => links.map((link) => link.href));
+  assert.ok(viewers.length === 2 && viewers.every((link) => link.endsWith(live)), viewers.join());
   await browser.look("running");
   await browser.press("Cancel");
   await page.waitForSelector("dialog[open]");

@@ -3,8 +3,7 @@
 import assert from "node:assert/strict";
 import { block } from "./scenes.mjs";
 
-const ready = (browser) =>
-  browser.until("the button", () => !document.querySelector(".judge .primary").disabled);
+const ready = (browser) => browser.until("the button", () => !document.querySelector(".judge .primary").disabled);
 
 async function aSweepIsWritten(browser) {
   const { page } = browser;
@@ -16,7 +15,10 @@ async function aSweepIsWritten(browser) {
   assert.equal(await page.evaluate(() => document.activeElement.id), "path-1");
   await browser.shows(".judged", "Something is missing");
   const known = await page.$$eval("#paths option", (list) => list.map((one) => one.value));
-  assert.ok(known.includes("materials.jelly.youngs_modulus") && known.includes("bodies.0.angular_velocity.0"), known.join());
+  assert.ok(
+    known.includes("materials.jelly.youngs_modulus") && known.includes("bodies.0.angular_velocity.0"),
+    known.join(),
+  );
   await page.keyboard.type("materials.jelly.youngs_modulus");
   await page.select("#kind-1", "ratios");
   await browser.type("#from-1", "1e4");
@@ -56,7 +58,9 @@ async function aSweepIsFollowed(browser) {
   await browser.shows(".results .legend", "kernel compact");
   assert.equal((await page.$$(".results .plot-area path.series")).length, 2);
   await browser.shows(".of-sweep thead", "max speed, largest (m/s)");
-  const speeds = await page.$$eval(".of-sweep tbody td:nth-child(4)", (list) => list.map((one) => Number(one.textContent)));
+  const speeds = await page.$$eval(".of-sweep tbody td:nth-child(4)", (list) =>
+    list.map((one) => Number(one.textContent)),
+  );
   assert.ok(speeds.length === 6 && speeds.every((speed) => speed > 0.5), speeds.join());
   await page.focus(".results .plot-area");
   await page.keyboard.press("Home");

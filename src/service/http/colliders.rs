@@ -11,6 +11,7 @@ use super::dto;
 use super::extract::Query;
 use super::frames::{JobFrame, Source};
 use super::openapi::PROBLEM;
+use super::outputs::missing;
 use super::pictures::version;
 use super::problem::Problem;
 use super::state::Api;
@@ -94,7 +95,7 @@ pub struct ColliderMesh {
         (status = 304, description = "The client has it"),
         (status = 400, body = dto::Problem, content_type = PROBLEM, description = "`invalid_path`, `invalid_query`"),
         (status = 404, body = dto::Problem, content_type = PROBLEM,
-            description = "`job_not_found`, `output_not_found`"),
+            description = "`job_not_found`, `output_not_found`: also for recordings of old releases without shapes"),
     ))]
 pub async fn colliders(
     State(api): State<Api>,
@@ -109,7 +110,7 @@ pub async fn colliders(
         return Ok(answer);
     }
     let found = source.read(&api, move |index, target| index.solids(target, frame)).await?;
-    let found = found.ok_or_else(|| super::outputs::missing(&format!("frame {frame}"), status))?;
+    let found = found.ok_or_else(|| missing(&format!("list of colliders of frame {frame}"), status))?;
     let mut answer = Json(answer_of(frame, found, meshes)).into_response();
     version.write(answer.headers_mut());
     Ok(answer)

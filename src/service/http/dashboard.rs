@@ -29,6 +29,11 @@ macro_rules! files {
 const FILES: &[(&str, &str, &str)] = files! {
     "index.html" "text/html; charset=utf-8",
     "style.css" "text/css; charset=utf-8",
+    "lists.css" "text/css; charset=utf-8",
+    "new.css" "text/css; charset=utf-8",
+    "job.css" "text/css; charset=utf-8",
+    "view.css" "text/css; charset=utf-8",
+    "narrow.css" "text/css; charset=utf-8",
     "icon.svg" "image/svg+xml",
     "theme.js" "text/javascript; charset=utf-8",
     "main.js" "text/javascript; charset=utf-8",

@@ -114,7 +114,7 @@ fn colliders_of_any_frame() {
     assert_eq!((&first["moves"], &first["domain"]["min"][0]), (&json!(true), &json!(0.0)));
     // What is still is where its mesh is.
     let still = &first["colliders"][0];
-    assert_eq!((&still["position"], &still["orientation"]), (&json!([0.0; 3]), &json!([0.0, 0.0, 0.0, 1.0])));
+    assert_eq!((&still["position"], &still["orientation"]), (&json!([0.0, 0.0, 0.0]), &json!([0.0, 0.0, 0.0, 1.0])));
     let mesh = |one: &serde_json::Value, name: &str| -> Vec<f64> {
         one["mesh"][name].as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
     };

@@ -86,7 +86,9 @@ export function sweepCost({ jobs, estimate_s: total }) {
   const costs = jobs.map((job) => job.estimate_s);
   const [least, most] = [Math.min(...costs), Math.max(...costs)].map(duration);
   const names = brief(paths);
-  const head = [...paths, "Particles", "Time"].map((name) => h("th", { scope: "col", title: name }, names.get(name) ?? name));
+  const head = [...paths, "Particles", "Time"].map((name) =>
+    h("th", { scope: "col", title: name }, names.get(name) ?? name),
+  );
   const row = (job) =>
     h(
       "tr",

@@ -61,7 +61,12 @@ export function job(main, id, signal) {
     failure,
     h("div", { class: "columns" }, media, card("details", "Details", facts, notices)),
     charted,
-    h("div", { class: "columns" }, card("downloads", "Downloads", files, exported.element), card("opens", "Open in", links)),
+    h(
+      "div",
+      { class: "columns" },
+      card("downloads", "Downloads", files, exported.element),
+      card("opens", "Open in", links),
+    ),
     card("logs", "Log", log),
   );
 
@@ -90,7 +95,8 @@ export function job(main, id, signal) {
     media.hidden = charted.hidden = hasEnded(now) && !now.progress.frames_written;
     details(now);
     if (scene) exported.update(now.progress.frames_written, scene.dimension === 2);
-    if (scene && now.progress.frames_written) moving.update(scene, now.particles, now.progress.frames_written, hasEnded(now));
+    if (scene && now.progress.frames_written)
+      moving.update(scene, now.particles, now.progress.frames_written, hasEnded(now));
     later(hasEnded(now) ? 0 : BETWEEN);
   }
 
@@ -156,7 +162,10 @@ export function job(main, id, signal) {
     picture.append(drawnFrame(now, exported.choose, signal));
   }
 
-  const swept = (values) => Object.entries(values).map(([path, one]) => `\`${path}\` ${shown(one)}`).join(", ");
+  const swept = (values) =>
+    Object.entries(values)
+      .map(([path, one]) => `\`${path}\` ${shown(one)}`)
+      .join(", ");
 
   function details(now) {
     const rows = [
@@ -167,7 +176,9 @@ export function job(main, id, signal) {
       ["Submitted", when(now.created_at)],
       ["Started", when(now.started_at), now.attempt > 1 ? `attempt ${now.attempt}` : null],
       ["Estimate", now.estimate_s === null ? "–" : `${duration(now.estimate_s)} on two cores`],
-      ...(now.sweep ? [["Sweep", h("a", { href: `#/sweeps/${now.sweep}` }, "its sweep"), swept(now.sweep_values)]] : []),
+      ...(now.sweep
+        ? [["Sweep", h("a", { href: `#/sweeps/${now.sweep}` }, "its sweep"), swept(now.sweep_values)]]
+        : []),
       ["Tags", now.tags.length ? now.tags.join(", ") : "none"],
       ["Priority", String(now.priority), now.deadline && `must start before ${when(now.deadline)}`],
       ["Id", h("code", {}, now.id)],
@@ -253,7 +264,8 @@ export function job(main, id, signal) {
     scene = await get(`/v1/jobs/${id}/scene`, signal);
     files.replaceChildren(...downloads(last, scene));
     exported.update(last.progress.frames_written, scene.dimension === 2);
-    if (last.progress.frames_written) moving.update(scene, last.particles, last.progress.frames_written, hasEnded(last));
+    if (last.progress.frames_written)
+      moving.update(scene, last.particles, last.progress.frames_written, hasEnded(last));
     await events;
   }
 

@@ -47,7 +47,10 @@ export function legend() {
       return h("li", {}, swatch, name);
     };
     const more = list.length - MOST_NAMES;
-    names.replaceChildren(...list.slice(0, MOST_NAMES).map(item), ...(more > 0 ? [h("li", {}, `and ${more} more`)] : []));
+    names.replaceChildren(
+      ...list.slice(0, MOST_NAMES).map(item),
+      ...(more > 0 ? [h("li", {}, `and ${more} more`)] : []),
+    );
   };
   return { element, hide, scale, bodies };
 }

@@ -21,7 +21,7 @@ export function options(changed, start, signal) {
     };
   };
   const name = field("name", "Name", { maxlength: 200, placeholder: "as in the scene" });
-  const tags = field("tags", "Tags", { placeholder: "separated by commas" });
+  const tags = field("tags", "Tags", { placeholder: "a, b, c" });
   const priority = field(
     "priority",
     "Priority",
@@ -39,7 +39,7 @@ export function options(changed, start, signal) {
     "start-from",
     "Start from the last state of",
     { list: "states", placeholder: "the id of a job", value: start ?? "" },
-    "A job that has ended, ran with output.state, and made as many particles.",
+    "A job that succeeded with output.state, and has as many particles.",
   );
   const states = h("datalist", { id: "states" });
   const reuse = h("input", { type: "checkbox", id: "reuse", onchange: changed });
@@ -67,7 +67,7 @@ export function options(changed, start, signal) {
   /** Jobs that may have left a state, the newest first. */
   async function offer() {
     if (!more.open || states.childElementCount) return;
-    const { jobs } = await get("/v1/jobs?status=succeeded,canceled,failed&limit=50", signal).catch(() => ({ jobs: [] }));
+    const { jobs } = await get("/v1/jobs?status=succeeded&limit=50", signal).catch(() => ({ jobs: [] }));
     const label = (job) => `${job.name}, ${job.status} ${when(job.finished_at)}`;
     states.replaceChildren(...jobs.map((job) => h("option", { value: job.id }, label(job))));
   }

@@ -38,7 +38,8 @@ export function places(text, { id, kind }, cursor) {
   if (kind === "npz") {
     const { start } = span(text, "/time");
     const before = { start, end: start, text: `"start": ${asset},\n  ` };
-    if (scene.start !== undefined) found.push({ label: "as the state to start with", edit: member("/start", "start", asset) });
+    if (scene.start !== undefined)
+      found.push({ label: "as the state to start with", edit: member("/start", "start", asset) });
     else if (scene.time !== undefined) found.push({ label: "as the state to start with", edit: before });
   }
   return [...found, here];

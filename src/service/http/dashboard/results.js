@@ -31,7 +31,8 @@ function unit(column) {
 
 const called = (column) => column.replace(/_(kg|j|s)$/, "").replaceAll("_", " ");
 
-/** The plot with its choices. `update` takes the jobs; `value(job)` is the result that is chosen, `label()` its name. */
+/** The plot with its choices. `update` takes the jobs; `value(job)` is the result that is chosen, `label()` its
+ * name. */
 export function results(changed) {
   const select = (id, what) => h("select", { id, onchange: what });
   const [over, result, taken] = [select("over", draw), select("result", draw), select("taken", draw)];
@@ -42,13 +43,7 @@ export function results(changed) {
   const element = h(
     "div",
     { class: "results" },
-    h(
-      "div",
-      { class: "controls" },
-      h("label", {}, "Result ", result),
-      takes,
-      h("label", {}, "over ", over),
-    ),
+    h("div", { class: "controls" }, h("label", {}, "Result ", result), takes, h("label", {}, "over ", over)),
     place,
   );
   let [jobs, made, drawn] = [[], "", null];
@@ -87,8 +82,12 @@ export function results(changed) {
     const group = ({ job }) => others.map((one) => `${names.get(one)} ${shown(job.values[one])}`).join(", ");
     const groups = [...new Set(all.map(group))];
     const apart = groups.length <= MOST_SERIES;
-    const series = apart ? groups.map((name, n) => ({ name: name || "result", key: `s${n}` })) : [{ name: "jobs", key: "s0" }];
-    const rows = apart ? pivoted(all, at, (one) => groups.indexOf(group(one))) : all.map((one) => ({ x: at(one), s0: one.y }));
+    const series = apart
+      ? groups.map((name, n) => ({ name: name || "result", key: `s${n}` }))
+      : [{ name: "jobs", key: "s0" }];
+    const rows = apart
+      ? pivoted(all, at, (one) => groups.indexOf(group(one)))
+      : all.map((one) => ({ x: at(one), s0: one.y }));
     rows.sort((a, b) => a.x - b.x);
     const [low, high] = [rows[0].x, rows.at(-1).x];
     const log = !words && path !== NUMBER && low > 0 && high >= FAR_APART * low;
@@ -135,7 +134,11 @@ export function results(changed) {
       measured.includes("max_speed") ? "max_speed" : "run_s",
     );
     const paths = Object.keys(jobs[0]?.values ?? {});
-    keep(over, [...paths, NUMBER].map((path) => [path, path]), paths[0] ?? NUMBER);
+    keep(
+      over,
+      [...paths, NUMBER].map((path) => [path, path]),
+      paths[0] ?? NUMBER,
+    );
     draw();
   }
   return { element, update, value, label };

@@ -193,7 +193,10 @@ export class Scene3D {
     for (const { mesh, position, orientation } of list) {
       const { corners, faces, base, n } = this.meshOf(mesh);
       const turn = rotation(orientation);
-      const at = sub(turn.map((row, i) => dot(row, base) + position[i]), origin);
+      const at = sub(
+        turn.map((row, i) => dot(row, base) + position[i]),
+        origin,
+      );
       const model = [0, 1, 2].flatMap((i) => [turn[0][i], turn[1][i], turn[2][i], 0]);
       gl.uniformMatrix4fv(this.faces.model, false, [...model, ...at, 1]);
       gl.bindBuffer(gl.ARRAY_BUFFER, corners);

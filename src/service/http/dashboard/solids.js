@@ -1,6 +1,6 @@
 // The colliders of frames, as `GET /v1/jobs/{id}/frames/{frame}/colliders` sends them.
 
-import { get } from "./api.js";
+import { ApiError, get } from "./api.js";
 
 const MOST = 4096;
 
@@ -13,16 +13,26 @@ export class Solids {
 
   constructor(job, scene, signal) {
     Object.assign(this, { job, signal });
-    this.none = !scene.colliders?.length && !scene.bodies?.some((body) => body.grips?.length);
     const still = (one) => !one.motion && one.from === undefined && one.until === undefined;
-    this.still = this.none || (scene.colliders?.every(still) && !scene.bodies?.some((body) => body.grips?.length));
+    // Grips of bodies are colliders too, and mostly move.
+    this.still = (scene.colliders ?? []).every(still) && !scene.bodies?.some((body) => body.grips?.length);
   }
 
-  /** The domain and the colliders of a frame: name, mesh, place, and whether what is inside should be seen. */
+  /** The domain and the colliders of a frame: name, mesh, place, and whether what is inside should be seen. Where the
+   * recording has none, there is no domain either: points are seen without them. */
   async at(frame) {
     if (this.#always) return this.#always;
     const kept = this.#frames.get(frame);
     if (kept) return kept;
+    try {
+      return await this.#ask(frame);
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      return { domain: null, solids: [] };
+    }
+  }
+
+  async #ask(frame) {
     const path = `/v1/jobs/${this.job}/frames/${frame}/colliders`;
     let answer = await get(this.#editions.size ? path : `${path}?meshes=true`, this.signal);
     if (!this.#editions.has(answer.edition)) {

@@ -67,7 +67,8 @@ export function sweep(main, id, signal) {
 
   async function remove() {
     const detail = "The jobs and all their files are gone then, and the sweep with them.";
-    if (!(await confirm({ title: `Delete all jobs of “${last.name}”?`, detail, action: "Delete", danger: true }))) return;
+    if (!(await confirm({ title: `Delete all jobs of “${last.name}”?`, detail, action: "Delete", danger: true })))
+      return;
     await act(async () => {
       await json("POST", "/v1/jobs:delete", { body: { sweep: id } });
       location.hash = "#/sweeps";
@@ -86,7 +87,7 @@ export function sweep(main, id, signal) {
 
   function relabel() {
     text(chosen, told.label());
-    rows.forEach(({ job, result }) => text(result, number(told.value(job))));
+    rows.forEach(({ job, result }) => text(result, number(told.value(job), 5)));
   }
 
   function heading() {
@@ -102,7 +103,16 @@ export function sweep(main, id, signal) {
     const [result, progress, time] = [h("td", {}), h("td", {}), h("td", {})];
     const values = paths.map((path) => h("td", {}, shown(first.values[path])));
     const name = paths.length ? link : [link, ` ${first.name}`];
-    const element = h("tr", {}, h("th", { scope: "row" }, name), values, result, h("td", {}, state.element), progress, time);
+    const element = h(
+      "tr",
+      {},
+      h("th", { scope: "row" }, name),
+      values,
+      result,
+      h("td", {}, state.element),
+      progress,
+      time,
+    );
     const row = { element, result, job: first };
     row.update = (job) => {
       row.job = job;

@@ -45,7 +45,12 @@ export function sweeps(main, query, signal) {
   ];
   const pager = h("nav", { class: "pager", "aria-label": "Pages" }, newer, older);
   main.append(
-    h("div", { class: "title" }, h("h1", {}, "Sweeps"), h("a", { class: "button primary", href: "#/new" }, "New sweep")),
+    h(
+      "div",
+      { class: "title" },
+      h("h1", {}, "Sweeps"),
+      h("a", { class: "button primary", href: "#/new" }, "New sweep"),
+    ),
     errors,
     h("div", { class: "scroll" }, table),
     empty,

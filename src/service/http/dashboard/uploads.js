@@ -91,7 +91,13 @@ export function uploads(editor, changed, open, signal) {
     const stopping = new AbortController();
     signal.addEventListener("abort", () => stopping.abort());
     const stop = h("button", { type: "button", class: "quiet", onclick: () => stopping.abort() }, "Stop");
-    const item = h("li", {}, h("p", {}, h("strong", {}, given.name), " ", said), bar, h("div", { class: "actions" }, stop));
+    const item = h(
+      "li",
+      {},
+      h("p", {}, h("strong", {}, given.name), " ", said),
+      bar,
+      h("div", { class: "actions" }, stop),
+    );
     list.prepend(item);
     const progress = (share) => {
       bar.value = share;
@@ -165,7 +171,8 @@ export function uploads(editor, changed, open, signal) {
       const { assets } = await get("/v1/assets", signal);
       const items = assets.slice(0, MOST_SHOWN).map((asset) => h("li", {}, usable(asset, `${asset.id.slice(7, 19)}…`)));
       const rest = assets.length - items.length;
-      earlier.replaceChildren(...items, ...(rest > 0 ? [h("li", { class: "note" }, `and ${rest} more; GET /v1/assets has all`)] : []));
+      if (rest > 0) items.push(h("li", { class: "note" }, `and ${rest} more; GET /v1/assets has all`));
+      earlier.replaceChildren(...items);
       if (!assets.length) earlier.replaceChildren(h("li", { class: "note" }, "Nothing was uploaded yet."));
     } catch (error) {
       if (!signal.aborted) earlier.replaceChildren(h("li", {}, failed(error)));

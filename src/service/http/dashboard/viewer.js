@@ -129,9 +129,9 @@ export function viewer(main, id, signal) {
   }
 
   /** The colliders of the frame, and the domain as it is simulated. */
-  function place({ domain: { min, max }, solids: list }) {
+  function place({ domain: box, solids: list }) {
     const { flat, bounds } = scene3d;
-    const corners = [min, max].map((corner) => (flat ? [corner[0], corner[1], 0] : corner));
+    const corners = box ? [box.min, box.max].map((at) => (flat ? [at[0], at[1], 0] : at)) : bounds;
     if (bounds.flat().some((x, k) => x !== corners.flat()[k])) scene3d.setBounds(...corners, flat);
     scene3d.solids = list;
     styled.hidden &&= !list.length;
