@@ -5,14 +5,15 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::Path;
 
-use foxglove::messages::PointCloud;
-use mcap::records::Record;
+use foxglove::messages::{FrameTransforms, PointCloud, SceneUpdate};
+use mcap::records::{MessageHeader, Record};
 use prost::Message;
 
 use super::cloud::{Cloud, FramePoints};
 use super::embedded::BODIES;
 use super::files::{RecordingError, partial_path};
 use super::index::{Contents, MAGIC, unfold_at};
+use super::solids::{FrameSolids, solids};
 
 /// Where the complete frames of a recording are.
 #[derive(Clone, Debug, Default)]
@@ -69,20 +70,58 @@ impl FrameIndex {
     pub fn points(&self, target: &Path, frame: u64) -> Result<Option<Cloud>, RecordingError> {
         let chunk = usize::try_from(frame).ok().and_then(|frame| self.frames.get(frame));
         let (Some(chunk), Some(particles)) = (chunk, self.contents.channel("/particles")) else { return Ok(None) };
-        let damaged = |reason: &str| RecordingError::Damaged { path: target.to_owned(), reason: reason.into() };
+        let of_frame = |header: &MessageHeader| header.channel_id == particles && header.sequence == frame as u32;
+        let (header, message) = self
+            .message(target, *chunk, of_frame)?
+            .ok_or_else(|| damaged(target, "the chunk of a frame does not have its points"))?;
+        let cloud = PointCloud::decode(message.as_slice()).map_err(|error| damaged(target, &error.to_string()))?;
+        let time_s = header.log_time as f64 / 1e9;
+        Cloud::new(cloud, time_s).map(Some).ok_or_else(|| damaged(target, "its points have no positions"))
+    }
+
+    /// The colliders of a frame, and the domain; `None` if the frame is not there at the last look, or the recording
+    /// has none, as those of old releases.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or is damaged there.
+    pub fn solids(&self, target: &Path, frame: u64) -> Result<Option<FrameSolids>, RecordingError> {
+        let chunk = usize::try_from(frame).ok().and_then(|frame| Some((*self.frames.get(frame)?, frame + 1)));
+        let Some((first, next)) = chunk else { return Ok(None) };
+        let chunks = &self.contents.chunks[..self.frames.get(next).copied().unwrap_or(self.contents.chunks.len())];
+        // The last message of a topic that is sent with this frame, or was before it.
+        let latest = |topic: &str, from: usize| -> Result<_, RecordingError> {
+            let Some(channel) = self.contents.channel(topic) else { return Ok(None) };
+            let at = chunks.iter().rposition(|chunk| chunk.counts.contains_key(&channel)).filter(|at| *at >= from);
+            let Some(at) = at else { return Ok(None) };
+            self.message(target, at, |header| header.channel_id == channel)
+        };
+        let (Some((moved, frames)), Some((shown, shapes))) = (latest("/tf", first)?, latest("/colliders", 0)?) else {
+            return Ok(None);
+        };
+        let wrong = |error: prost::DecodeError| damaged(target, &error.to_string());
+        let frames = FrameTransforms::decode(frames.as_slice()).map_err(wrong)?;
+        let shapes = SceneUpdate::decode(shapes.as_slice()).map_err(wrong)?;
+        Ok(solids(&shapes, shown.sequence, &frames, moved.log_time as f64 / 1e9))
+    }
+
+    /// The last message of a chunk that is wanted.
+    fn message(
+        &self,
+        target: &Path,
+        chunk: usize,
+        wanted: impl Fn(&MessageHeader) -> bool,
+    ) -> Result<Option<(MessageHeader, Vec<u8>)>, RecordingError> {
         let mut found = None;
-        let whole = unfold_at(&mut open(target)?, &self.contents.chunks[*chunk], |record| match record {
-            Record::Message { header, data } if header.channel_id == particles && header.sequence == frame as u32 => {
-                found = Some((header.log_time, data.into_owned()));
-            }
+        let whole = unfold_at(&mut open(target)?, &self.contents.chunks[chunk], |record| match record {
+            Record::Message { header, data } if wanted(&header) => found = Some((header, data.into_owned())),
             _ => {}
         });
-        let whole = whole.map_err(RecordingError::io("read", target))?;
-        let message = whole.and(found);
-        let (time_ns, message) = message.ok_or_else(|| damaged("the chunk of a frame does not have its points"))?;
-        let cloud = PointCloud::decode(message.as_slice()).map_err(|error| damaged(&error.to_string()))?;
-        Cloud::new(cloud, time_ns as f64 / 1e9).map(Some).ok_or_else(|| damaged("its points have no positions"))
+        Ok(whole.map_err(RecordingError::io("read", target))?.and(found))
     }
+}
+
+fn damaged(target: &Path, reason: &str) -> RecordingError {
+    RecordingError::Damaged { path: target.to_owned(), reason: reason.into() }
 }
 
 /// The recording, or the unfinished one.

@@ -125,7 +125,7 @@ export class Browser {
         );
       });
       assert.deepEqual(findings, [], `${name}, ${scheme}`);
-      await page.screenshot({ path: `${this.pictures}/${name}-${scheme}.png` });
+      await page.screenshot({ path: `${this.pictures}/${name}-${scheme}.png`, fullPage: true });
     }
     await page.setViewport(PHONE);
     const wide = await page.evaluate(() => document.documentElement.scrollWidth);

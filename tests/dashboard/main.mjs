@@ -1,13 +1,20 @@
 // What people do with the dashboard, in the order of a first day.
 
 import { Browser } from "./browser.mjs";
+import * as colliders from "./colliders.mjs";
+import * as files from "./files.mjs";
+import * as keyboard from "./keyboard.mjs";
 import * as steps from "./steps.mjs";
+import * as sweeps from "./sweeps.mjs";
 
-const [url, pictures] = process.argv.slice(2);
+// The names of steps limit what is done to these; most of them need no others.
+const [url, pictures, ...chosen] = process.argv.slice(2);
+const all = { ...steps.all, ...colliders.all, ...sweeps.all, ...files.all, ...keyboard.all, ...steps.last };
+const wanted = Object.entries(all).filter(([name]) => !chosen.length || chosen.includes(name));
 const browser = await Browser.open(url, pictures);
 const started = performance.now();
 try {
-  for (const [name, step] of Object.entries(steps.all)) {
+  for (const [name, step] of wanted) {
     await step(browser);
     if (browser.errors.length) throw new Error(`the page had errors:\n${browser.errors.join("\n")}`);
     console.log(`${name} (${((performance.now() - started) / 1000).toFixed(1)} s)`);

@@ -14,6 +14,9 @@ async function nothingYet(browser) {
   await browser.shows(".empty", "No jobs yet");
   await browser.shows(".devices", "Jobs run on CPU");
   await browser.look("empty");
+  await browser.go("#/sweeps");
+  await browser.shows(".empty", "No sweeps yet");
+  await browser.look("no-sweeps");
 }
 
 async function faultsWhileTyping(browser) {
@@ -191,6 +194,9 @@ async function fromTheLibrary(browser) {
   );
   await page.goto(`${browser.url}/#/jobs/${job}`);
   await browser.shows(".far", "left");
+  const live = encodeURIComponent(`${browser.url.replace("http", "ws")}/v1/jobs/${job}/live`);
+  const viewers = await page.$$eval(".viewers a", (links) => links.map((link) => link.href));
+  assert.ok(viewers.length === 2 && viewers.every((link) => link.endsWith(live)), viewers.join());
   await browser.look("running");
   await browser.press("Cancel");
   await page.waitForSelector("dialog[open]");
@@ -368,8 +374,7 @@ export const all = {
   again,
   failure,
   manyByKeyboard,
-  lostAndFound,
-  focusIsSeen,
   guide,
-  gone,
 };
+
+export const last = { lostAndFound, focusIsSeen, gone };

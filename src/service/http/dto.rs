@@ -119,6 +119,9 @@ pub struct Job {
     /// The sweep that the job is of.
     #[schema(required)]
     pub sweep: Option<Uuid>,
+    /// What the sweep put in the place of the scene's values, by path; empty without a sweep.
+    #[schema(value_type = Object)]
+    pub sweep_values: BTreeMap<String, serde_json::Value>,
     /// How the job is integrated: `explicit` or `implicit`.
     pub integrator: String,
     /// Why, in a sentence.
@@ -369,6 +372,7 @@ impl From<store::Job> for Job {
             estimate_s: job.estimate_s,
             run_s: job.progress.run_s,
             sweep: job.sweep,
+            sweep_values: job.sweep_values,
             integrator: job.integrator,
             integrator_reason: job.integrator_reason,
             notices: job.notices.into_iter().map(Notice::from).collect(),
@@ -379,7 +383,7 @@ impl From<store::Job> for Job {
 }
 
 impl Progress {
-    fn new(job: &store::Job) -> Self {
+    pub(super) fn new(job: &store::Job) -> Self {
         let now = job.progress;
         let fraction = (now.sim_time_s / job.end_time_s).clamp(0.0, 1.0);
         let known = |value: f64| value.is_finite().then_some(value);

@@ -1,203 +1,24 @@
-//! Many jobs at once: sweeps over values of a scene, and changes of all jobs that a filter finds.
-
-use std::collections::BTreeMap;
+//! Changes of all jobs that a filter finds.
 
 use axum::Json;
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode, header};
-use axum::response::{IntoResponse, Response};
-use jiff::Timestamp;
-use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde::Serialize;
 use utoipa::ToSchema;
-use uuid::Uuid;
 
-use super::dto::{self, SubmitJob};
-use super::extract::{JobId, JsonBody, Room};
+use super::dto;
+use super::extract::JsonBody;
 use super::filters::JobFilter;
-use super::health::require_space;
 use super::openapi::PROBLEM;
-use super::problem::{Code, Problem, internal};
+use super::problem::{Problem, internal};
 use super::state::Api;
-use super::submission::{accepted, affordable, idempotency_key, prepare, sha256_hex, valid_max_cost, valid_name};
-use crate::store::{self, Filter, NewSweep};
 
-const MAX_JOBS: usize = 256;
 /// Jobs that are deleted in one transaction.
 const BATCH: i64 = 200;
-
-/// A request to run a scene with many values: each of `list` with each combination of `grid`.
-#[derive(Debug, Deserialize, Serialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct SubmitSweep {
-    /// The scene document; its JSON Schema is at `/v1/schema/scene`.
-    #[schema(value_type = Option<dto::Scene>)]
-    pub scene: Option<Value>,
-    /// Instead of `scene`: the id of one that was kept (`POST /v1/scenes`).
-    pub scene_id: Option<String>,
-    /// Name of the sweep, and the beginning of its jobs' names; the scene's by default.
-    #[schema(max_length = 200)]
-    pub name: Option<String>,
-    /// Values that replace those of the scene in all jobs, by path.
-    #[serde(default)]
-    pub overrides: BTreeMap<String, Value>,
-    /// Values to combine, by path.
-    #[serde(default)]
-    #[schema(example = json!({"solver.cfl": [0.3, 0.5], "solver.kernel": ["compact", "quadratic"]}))]
-    pub grid: BTreeMap<String, Vec<Value>>,
-    /// Overrides to run one after the other.
-    #[serde(default)]
-    pub list: Vec<BTreeMap<String, Value>>,
-    /// Words to find the jobs by: at most 16, of 1 to 64 characters, without commas.
-    #[serde(default)]
-    #[schema(max_items = 16)]
-    pub tags: Vec<String>,
-    /// Jobs of a higher priority run first; 0 by default.
-    #[schema(minimum = -1000, maximum = 1000)]
-    pub priority: Option<i64>,
-    /// When a job must have been started; otherwise it fails with the code `deadline`.
-    pub deadline: Option<Timestamp>,
-    /// Largest estimated wall time (s) of all jobs together that is accepted.
-    pub max_cost: Option<f64>,
-}
-
-/// Jobs that were submitted as one.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct Sweep {
-    pub id: Uuid,
-    pub name: String,
-    pub created_at: Timestamp,
-    /// Number of jobs.
-    pub total: u64,
-    /// Number of jobs by status. Jobs that were deleted no longer count.
-    pub jobs: BTreeMap<&'static str, u64>,
-    /// Share of the simulated time that is done, 0 to 1.
-    pub fraction: f64,
-    /// True once all jobs have ended.
-    pub ended: bool,
-}
-
-impl From<store::Sweep> for Sweep {
-    fn from(sweep: store::Sweep) -> Self {
-        let store::Sweep { id, name, created_at, jobs, fraction } = sweep;
-        let ended = ["queued", "running"].iter().all(|status| !jobs.contains_key(status));
-        Self { id, name, created_at, total: jobs.values().sum(), jobs, fraction, ended }
-    }
-}
 
 /// Number of jobs changed.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Changed {
     pub jobs: u64,
-}
-
-/// Submits a scene with many values. All jobs are judged first, and all are accepted or none.
-#[utoipa::path(post, path = "/v1/sweeps", tag = "sweeps", request_body = SubmitSweep, params(
-    ("Idempotency-Key" = Option<String>, Header,
-        description = "1 to 255 printable characters of your choice. \
-            A request repeated under the same key is accepted once."),
-), responses(
-    (status = 202, body = Sweep, headers(("Location" = String, description = "Path of the sweep"))),
-    (status = 422, body = dto::Problem, content_type = PROBLEM,
-        description = "`invalid_scene` with all `faults` of the first job that has some, `invalid_request`, \
-            `cost_exceeded`, `idempotency_key_reused`"),
-    (status = 507, body = dto::Problem, content_type = PROBLEM, description = "`disk_low`"),
-    (status = 429, body = dto::Problem, content_type = PROBLEM, description = "`queue_full`",
-        headers(("Retry-After" = u32, description = "Seconds"))),
-))]
-pub async fn submit_sweep(
-    State(api): State<Api>,
-    headers: HeaderMap,
-    JsonBody(request, _room): JsonBody<SubmitSweep>,
-) -> Result<Response, Problem> {
-    require_space(&api)?;
-    let idempotency_key = idempotency_key(&headers)?;
-    let request_sha256 = sha256_hex(&serde_json::to_vec(&request).map_err(internal)?);
-    let name = request.name.clone().or_else(|| request.scene.as_ref()?["name"].as_str().map(str::to_owned));
-    let name = valid_name(name.unwrap_or_else(|| "sweep".into()))?;
-    let combinations = combinations(&request)?;
-    let max_cost = valid_max_cost(request.max_cost)?;
-    let (mut jobs, mut estimate_s) = (Vec::new(), 0.0);
-    for (i, values) in combinations.iter().enumerate() {
-        let values_text: Vec<String> = values.iter().map(|(path, value)| format!("{path}={value}")).collect();
-        let label = format!("{name} {}", values_text.join(" "));
-        let overrides = request.overrides.iter().chain(values.iter().copied());
-        let job = SubmitJob {
-            start_from: None,
-            scene: request.scene.clone(),
-            scene_id: request.scene_id.clone(),
-            name: Some(label.chars().filter(|c| !c.is_control()).take(200).collect::<String>().trim().to_owned()),
-            overrides: overrides.map(|(path, value)| (path.clone(), value.clone())).collect(),
-            tags: request.tags.clone(),
-            priority: request.priority,
-            deadline: request.deadline,
-            max_cost: None,
-            reuse: false,
-        };
-        let of = format!("job {} of {} ({})", i + 1, combinations.len(), values_text.join(", "));
-        let job = prepare(&api, job, Room::default(), None).await.map_err(|problem| problem.of(&of))?;
-        estimate_s += job.estimate_s.unwrap_or(0.0);
-        affordable(estimate_s, max_cost)?;
-        jobs.push(job);
-    }
-    let new = NewSweep { name, jobs, idempotency_key, request_sha256 };
-    let sweep = accepted(&api, api.store.submit_sweep(&new, api.config.max_queued).await?)?;
-    let location = format!("/v1/sweeps/{sweep}");
-    Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], Json(found(&api, sweep).await?)).into_response())
-}
-
-type Values<'a> = Vec<(&'a String, &'a Value)>;
-
-/// The overrides of each job.
-fn combinations(request: &SubmitSweep) -> Result<Vec<Values<'_>>, Problem> {
-    let mut all: Vec<Values> = match request.list.as_slice() {
-        [] => vec![Vec::new()],
-        list => list.iter().map(|overrides| overrides.iter().collect()).collect(),
-    };
-    let many = |n: usize| {
-        let detail = format!("/grid, /list: {n} jobs; a sweep has at most {MAX_JOBS}. Split it");
-        Err(Problem::new(Code::InvalidRequest, detail))
-    };
-    for (path, values) in &request.grid {
-        let n = all.len() * values.len();
-        if n > MAX_JOBS {
-            return many(n);
-        }
-        all = all.iter().flat_map(|rest| values.iter().map(|value| [&rest[..], &[(path, value)]].concat())).collect();
-    }
-    match all.len() {
-        0 => Err(Problem::new(Code::InvalidRequest, "/grid: a path has no values; give some or leave it out")),
-        n if n > MAX_JOBS => many(n),
-        1 if all[0].is_empty() => Err(Problem::new(Code::InvalidRequest, "/grid: give values here or in /list")),
-        _ => Ok(all),
-    }
-}
-
-/// A sweep as it stands. `GET /v1/jobs?sweep={id}` lists its jobs.
-#[utoipa::path(get, path = "/v1/sweeps/{id}", tag = "sweeps", params(("id" = Uuid, Path)), responses(
-    (status = 200, body = Sweep),
-    (status = 404, body = dto::Problem, content_type = PROBLEM, description = "`sweep_not_found`"),
-))]
-pub async fn get_sweep(State(api): State<Api>, JobId(id): JobId) -> Result<Json<Sweep>, Problem> {
-    Ok(Json(found(&api, id).await?))
-}
-
-/// Cancels all jobs of a sweep.
-#[utoipa::path(post, path = "/v1/sweeps/{id}/cancel", tag = "sweeps", params(("id" = Uuid, Path)), responses(
-    (status = 200, body = Sweep, description = "All jobs have ended"),
-    (status = 202, body = Sweep, description = "A job is running and will stop"),
-    (status = 404, body = dto::Problem, content_type = PROBLEM, description = "`sweep_not_found`"),
-))]
-pub async fn cancel_sweep(State(api): State<Api>, JobId(id): JobId) -> Result<(StatusCode, Json<Sweep>), Problem> {
-    found(&api, id).await?;
-    api.store.cancel_all(&Filter { sweep: Some(id), ..Filter::default() }).await?;
-    let sweep = found(&api, id).await?;
-    Ok((if sweep.ended { StatusCode::OK } else { StatusCode::ACCEPTED }, Json(sweep)))
-}
-
-async fn found(api: &Api, id: Uuid) -> Result<Sweep, Problem> {
-    let sweep = api.store.sweep(id).await?;
-    sweep.map(Sweep::from).ok_or_else(|| Problem::new(Code::SweepNotFound, format!("there is no sweep {id}")))
 }
 
 /// Cancels all jobs that a filter finds. Answers with the number of those that had not ended.

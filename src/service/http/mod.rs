@@ -1,6 +1,7 @@
 //! The HTTP API. `router` lists all of it on one page.
 
 mod assets;
+mod colliders;
 mod conditional;
 mod connections;
 mod cors;
@@ -41,6 +42,7 @@ mod server;
 mod state;
 mod submission;
 mod surfaces;
+mod sweeps;
 mod tables;
 mod viewer;
 mod watch;

@@ -1,5 +1,6 @@
 //! Outputs of a job: its recording, a picture and its diagnostics.
 
+use std::collections::BTreeMap;
 use std::io;
 
 use axum::Json;
@@ -19,7 +20,7 @@ use super::follow::follow;
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
-use super::tables::{Diagnostics, DiagnosticsFormat, DiagnosticsPer, DiagnosticsQuery, Rows, SolverSteps};
+use super::tables::{Diagnostics, DiagnosticsFormat, DiagnosticsPer, DiagnosticsQuery, Rows, SolverSteps, Summary};
 use crate::store::{AttemptFiles, Job, Status};
 use gridfall_recording::{self as recording, RecordingError};
 
@@ -249,6 +250,13 @@ pub async fn solver(State(api): State<Api>, JobId(id): JobId) -> Result<Response
     ))]
 pub async fn solver_csv(State(api): State<Api>, JobId(id): JobId) -> Result<Response, Problem> {
     Ok(csv(table(&api, id, DiagnosticsPer::Step).await?))
+}
+
+/// What the diagnostics of a job come to so far, by column; empty where there are none yet.
+pub(super) async fn summaries(api: &Api, job: &Job) -> Result<BTreeMap<String, Summary>, Problem> {
+    let path = api.data.job(job.id).attempt(job.attempt).diagnostics();
+    let csv = found(tokio::fs::read_to_string(path).await)?.unwrap_or_default();
+    Ok(Summary::of_columns(&csv[..csv.rfind('\n').map_or(0, |end| end + 1)]))
 }
 
 /// The lines that a job has written so far.

@@ -12,8 +12,8 @@ use utoipa_axum::routes;
 use super::openapi::{self, Description};
 use super::state::Api;
 use super::{
-    assets, cors, dashboard, devices, docs, encoding, events, exports, frames, groups, guard, health, index, jobs,
-    laboratory, layers, library, live, load, materials, metrics, outputs, pictures, scenes, surfaces,
+    assets, colliders, cors, dashboard, devices, docs, encoding, events, exports, frames, groups, guard, health, index,
+    jobs, laboratory, layers, library, live, load, materials, metrics, outputs, pictures, scenes, surfaces, sweeps,
 };
 
 /// All routes of the API, and their OpenAPI document.
@@ -34,10 +34,13 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         // /v1/jobs:cancel, /v1/jobs:delete
         .routes(routes!(groups::cancel_jobs))
         .routes(routes!(groups::delete_jobs))
-        // /v1/sweeps, /v1/sweeps/{id}, /v1/sweeps/{id}/cancel
-        .routes(routes!(groups::submit_sweep))
-        .routes(routes!(groups::get_sweep))
-        .routes(routes!(groups::cancel_sweep))
+        // /v1/sweeps, /v1/sweeps:validate, /v1/sweeps/{id}
+        .routes(routes!(sweeps::submit_sweep, sweeps::list_sweeps))
+        .routes(routes!(sweeps::validate_sweep))
+        .routes(routes!(sweeps::get_sweep))
+        // /v1/sweeps/{id}/results, /v1/sweeps/{id}/cancel
+        .routes(routes!(sweeps::results))
+        .routes(routes!(sweeps::cancel_sweep))
         // /v1/jobs/{id}/diagnostics, /v1/jobs/{id}/diagnostics.csv
         .routes(routes!(outputs::diagnostics))
         .routes(routes!(outputs::diagnostics_csv))
@@ -52,6 +55,8 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         // /v1/jobs/{id}/frames, /v1/jobs/{id}/frames/{frame}/points
         .routes(routes!(frames::list))
         .routes(routes!(frames::points))
+        // /v1/jobs/{id}/frames/{frame}/colliders
+        .routes(routes!(colliders::colliders))
         // /v1/jobs/{id}/frames/{frame}/export, /v1/jobs/{id}/frames/{frame}/surface
         .routes(routes!(exports::export))
         .routes(routes!(surfaces::surface))

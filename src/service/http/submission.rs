@@ -1,5 +1,7 @@
 //! From a request to a job that the store accepts.
 
+use std::collections::BTreeMap;
+
 use axum::Json;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -50,6 +52,7 @@ pub async fn prepare(
             integrator: problem.setup.integrator.name().into(),
             integrator_reason: problem.setup.integrator_reason,
             notices: problem.setup.notices,
+            sweep_values: BTreeMap::new(),
             idempotency_key,
             request_sha256,
         }

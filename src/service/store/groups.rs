@@ -1,13 +1,14 @@
 //! Many jobs at once: lists, sweeps, changes by filter, and what is kept for how long.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use jiff::Timestamp;
 use sqlx::AssertSqlSafe;
 use uuid::Uuid;
 
 use super::filter::{Along, Value, Values, Way};
-use super::row::{JobRow, select_jobs};
+use super::insertion::{pieces, rows};
+use super::row::{JobRow, select_jobs, uuid};
 use super::{Filter, Job, JobStore, Result, Status, known};
 
 /// So many jobs are not counted further, where the count is to find what is rare.
@@ -119,28 +120,61 @@ impl JobStore {
     }
 
     pub async fn sweep(&self, id: Uuid) -> Result<Option<Sweep>> {
-        let sweep: Option<(String, i64)> = sqlx::query_as("SELECT name, created_at FROM sweeps WHERE id = $1")
-            .bind(id.to_string())
-            .fetch_optional(&self.database.reader)
-            .await?;
-        let Some((name, created_at)) = sweep else { return Ok(None) };
-        let rows: Vec<(String, i64, f64)> = sqlx::query_as(
-            "SELECT status, count(*), sum(CASE WHEN status IN ('queued', 'running') AND end_time_s > 0.0 \
-               THEN sim_time_s / end_time_s ELSE 1.0 END) \
-             FROM jobs WHERE sweep = $1 GROUP BY status",
+        let row: Option<(String, String, i64)> =
+            sqlx::query_as("SELECT id, name, created_at FROM sweeps WHERE id = $1")
+                .bind(id.to_string())
+                .fetch_optional(&self.database.reader)
+                .await?;
+        Ok(self.counted(row.into_iter().collect()).await?.pop())
+    }
+
+    /// Newest first; if `before` is given, only those accepted before that one. Those without jobs are left out.
+    pub async fn sweeps(&self, before: Option<Uuid>, limit: i64) -> Result<Vec<Sweep>> {
+        // Ids begin with the time, and `g` is after all of them.
+        let rows: Vec<(String, String, i64)> = sqlx::query_as(
+            "SELECT id, name, created_at FROM sweeps \
+             WHERE id < $1 AND EXISTS (SELECT 1 FROM jobs WHERE jobs.sweep = sweeps.id) ORDER BY id DESC LIMIT $2",
         )
-        .bind(id.to_string())
+        .bind(before.map_or_else(|| "g".to_owned(), |id| id.to_string()))
+        .bind(limit)
         .fetch_all(&self.database.reader)
         .await?;
-        let total: i64 = rows.iter().map(|(_, n, _)| n).sum();
-        let done: f64 = rows.iter().map(|(_, _, done)| done).sum();
-        Ok(Some(Sweep {
-            id,
-            name,
-            created_at: Timestamp::from_microsecond(created_at).map_err(|error| sqlx::Error::Decode(error.into()))?,
-            fraction: if total == 0 { 1.0 } else { (done / total as f64).clamp(0.0, 1.0) },
-            jobs: rows.into_iter().map(|(status, n, _)| (known(status).as_str(), n as u64)).collect(),
-        }))
+        self.counted(rows).await
+    }
+
+    /// Sweeps with how far they are.
+    async fn counted(&self, sweeps: Vec<(String, String, i64)>) -> Result<Vec<Sweep>> {
+        let mut counts: HashMap<String, Vec<(String, i64, f64)>> = HashMap::new();
+        let ids: Vec<&str> = sweeps.iter().map(|(id, ..)| id.as_str()).collect();
+        for ids in pieces(&ids) {
+            let mut query = sqlx::query_as(AssertSqlSafe(format!(
+                "SELECT sweep, status, count(*), sum(CASE WHEN status IN ('queued', 'running') AND end_time_s > 0.0 \
+                   THEN sim_time_s / end_time_s ELSE 1.0 END) \
+                 FROM jobs WHERE sweep IN {} GROUP BY sweep, status",
+                rows(1, ids.len())
+            )));
+            for id in ids {
+                query = query.bind(*id);
+            }
+            let found: Vec<(String, String, i64, f64)> = query.fetch_all(&self.database.reader).await?;
+            for (sweep, status, n, done) in found {
+                counts.entry(sweep).or_default().push((status, n, done));
+            }
+        }
+        let made = sweeps.into_iter().map(|(id, name, created_at)| {
+            let counts = counts.remove(&id).unwrap_or_default();
+            let total: i64 = counts.iter().map(|(_, n, _)| n).sum();
+            let done: f64 = counts.iter().map(|(_, _, done)| done).sum();
+            Ok(Sweep {
+                id: uuid(id)?,
+                name,
+                created_at: Timestamp::from_microsecond(created_at)
+                    .map_err(|error| sqlx::Error::Decode(error.into()))?,
+                fraction: if total == 0 { 1.0 } else { (done / total as f64).clamp(0.0, 1.0) },
+                jobs: counts.into_iter().map(|(status, n, _)| (known(status).as_str(), n as u64)).collect(),
+            })
+        });
+        made.collect()
     }
 
     /// Cancels the jobs of a filter, as [`JobStore::cancel`] does one. Returns their number.

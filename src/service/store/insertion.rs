@@ -13,8 +13,9 @@ use super::{Job, NewJob, Progress, Status};
 const SIZES: [usize; 4] = [64, 16, 4, 1];
 
 const JOB_COLUMNS: &str = "id, name, scene_sha256, idempotency_key, request_sha256, status, created_at, particles, \
-    frames, end_time_s, integrator, integrator_reason, notices, priority, tags, deadline, estimate_s, sweep";
-const JOB_VALUES: usize = 18;
+    frames, end_time_s, integrator, integrator_reason, notices, priority, tags, deadline, estimate_s, sweep, \
+    sweep_values";
+const JOB_VALUES: usize = 19;
 
 /// Adds jobs to the table in order. The caller holds the queue's lock.
 pub(super) async fn insert(
@@ -70,7 +71,8 @@ async fn insert_rows(
             .bind(serde_json::to_string(&new.tags).expect("tags are plain text"))
             .bind(new.deadline.map(|time| time.as_microsecond()))
             .bind(new.estimate_s)
-            .bind(sweep.map(|sweep| sweep.to_string()));
+            .bind(sweep.map(|sweep| sweep.to_string()))
+            .bind(serde_json::to_string(&new.sweep_values).expect("values were JSON"));
     }
     Ok(query.fetch_all(&mut **tx).await?.into_iter().collect())
 }
@@ -98,6 +100,7 @@ fn queued(new: &NewJob, seq: i64, id: Uuid, sweep: Option<Uuid>, now: i64) -> sq
         deadline: new.deadline,
         estimate_s: new.estimate_s,
         sweep,
+        sweep_values: new.sweep_values.clone(),
         status: Status::Queued,
         created_at: Timestamp::from_microsecond(now).map_err(|error| sqlx::Error::Encode(error.into()))?,
         started_at: None,

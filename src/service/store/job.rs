@@ -1,10 +1,12 @@
 //! A job as it is stored.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use uuid::Uuid;
 
 use gridfall_core::sim::notice::Notice;
@@ -106,6 +108,8 @@ pub struct NewJob {
     pub integrator_reason: String,
     /// What the user should know of the scene.
     pub notices: Vec<Notice>,
+    /// What its sweep put in the place of the scene's values, by path.
+    pub sweep_values: BTreeMap<String, Value>,
     /// The client's idempotency key, so that a repeated request is accepted once.
     pub idempotency_key: Option<String>,
     /// Hash of the request, to distinguish a repetition from another request under the same key.
@@ -136,6 +140,8 @@ pub struct Job {
     pub estimate_s: Option<f64>,
     /// The sweep that the job is of.
     pub sweep: Option<Uuid>,
+    /// What the sweep put in the place of the scene's values, by path.
+    pub sweep_values: BTreeMap<String, Value>,
     pub status: Status,
     pub created_at: Timestamp,
     pub started_at: Option<Timestamp>,

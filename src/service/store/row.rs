@@ -13,7 +13,7 @@ use super::{Claim, Failure, Job, Progress};
 pub(super) const COLUMNS: &str = "jobs.seq, jobs.id, name, status, created_at, started_at, finished_at, attempt, \
     deaths, checkpoint_frame, cancel_requested, particles, frames, end_time_s, sim_time_s, step, frames_written, \
     run_s, integrator, integrator_reason, notices, backend, failure_code, failure_message, priority, tags, deadline, \
-    estimate_s, sweep";
+    estimate_s, sweep, sweep_values";
 
 /// `SELECT` of jobs, followed by the given clauses, which hold no text of a client.
 pub(super) fn select_jobs(clauses: &str) -> AssertSqlSafe<String> {
@@ -45,6 +45,7 @@ impl FromRow<'_, AnyRow> for JobRow {
             deadline: row.try_get::<Option<i64>, _>("deadline")?.map(timestamp).transpose()?,
             estimate_s: row.try_get("estimate_s")?,
             sweep: row.try_get::<Option<String>, _>("sweep")?.map(uuid).transpose()?,
+            sweep_values: serde_json::from_str(&row.try_get::<String, _>("sweep_values")?).map_err(decode)?,
             particles: row.try_get::<i64, _>("particles")? as u64,
             frames: row.try_get::<i64, _>("frames")? as u64,
             end_time_s: row.try_get("end_time_s")?,

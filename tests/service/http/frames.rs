@@ -87,6 +87,70 @@ fn points_of_any_frame() {
 }
 
 #[test]
+fn colliders_of_any_frame() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let mut scene = short();
+    scene["colliders"] = json!([
+        { "name": "still", "shape": { "box": { "min": [0.0, 0.0], "max": [0.25, 0.125] } }, "contact": "slip" },
+        { "name": "turns", "shape": { "sphere": { "center": [0.75, 0.25], "radius": 0.1 } }, "contact": "slip",
+          "motion": { "linear_velocity": [1.0, 0.0], "angular_velocity": 2.0 } },
+        { "name": "comes", "shape": { "box": { "min": [0.5, 0.0], "max": [0.75, 0.125] } }, "contact": "slip",
+          "from": 0.025 },
+    ]);
+    let job = server.submit(scene);
+    server.wait_for(&job, "succeeded");
+    let frame = |n: u64, query: &str| server.get(&format!("{job}/frames/{n}/colliders{query}"));
+    let (first, last) = (frame(0, "?meshes=true").json(), frame(5, "").json());
+    let names = |answer: &serde_json::Value| -> Vec<String> {
+        answer["colliders"].as_array().unwrap().iter().map(|one| one["name"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(
+        (names(&first), names(&last)),
+        (vec!["still".into(), "turns".into()], vec!["still".to_owned(), "turns".into(), "comes".into()])
+    );
+    assert!(first["edition"] != last["edition"] && frame(1, "").json()["edition"] == first["edition"]);
+    assert_eq!(frame(4, "").json()["edition"], last["edition"]);
+    assert_eq!((&first["moves"], &first["domain"]["min"][0]), (&json!(true), &json!(0.0)));
+    // What is still is where its mesh is.
+    let still = &first["colliders"][0];
+    assert_eq!((&still["position"], &still["orientation"]), (&json!([0.0, 0.0, 0.0]), &json!([0.0, 0.0, 0.0, 1.0])));
+    let mesh = |one: &serde_json::Value, name: &str| -> Vec<f64> {
+        one["mesh"][name].as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
+    };
+    let corners = mesh(still, "vertices");
+    for (axis, [low, high]) in [[0.0, 0.25], [0.0, 0.125]].into_iter().enumerate() {
+        let of_axis = || corners.iter().skip(axis).step_by(3);
+        let ends = of_axis().fold([f64::MAX, f64::MIN], |[a, b], x| [a.min(*x), b.max(*x)]);
+        assert!((ends[0] - low).abs() < 0.01 && (ends[1] - high).abs() < 0.01, "{axis}: {ends:?}");
+    }
+    let triangles = mesh(still, "triangles");
+    assert!(triangles.len() >= 36 && triangles.iter().all(|corner| (*corner as usize) < corners.len() / 3));
+    // What moves is where its motion has taken it: the center of the sphere, at (0.75, 0.25), goes on by v t.
+    let turned = &last["colliders"][1];
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    let [x, y] = [0, 1].map(|axis| number(&turned["position"][axis]));
+    let [z, w] = [2, 3].map(|part| number(&turned["orientation"][part]));
+    let (sin, cos) = (2.0 * z * w, w * w - z * z);
+    assert!((sin - 0.1f64.sin()).abs() < 1e-9 && (cos - 0.1f64.cos()).abs() < 1e-9, "{turned}");
+    let center = [x + cos * 0.75 - sin * 0.25, y + sin * 0.75 + cos * 0.25];
+    assert!((center[0] - 0.8).abs() < 1e-9 && (center[1] - 0.25).abs() < 1e-9, "{center:?}");
+    assert!(turned.get("mesh").is_none());
+
+    let tag = frame(3, "").header("etag").to_owned();
+    let same = server.call("GET", &format!("{job}/frames/3/colliders"), &[("if-none-match", &tag)], "");
+    assert_eq!(same.status, 304);
+    for (path, status, code) in [
+        ("/frames/6/colliders", 404, "output_not_found"),
+        ("/frames/x/colliders", 400, "invalid_path"),
+        ("/frames/0/colliders?meshes=maybe", 400, "invalid_query"),
+    ] {
+        let answer = server.get(&format!("{job}{path}"));
+        assert_eq!((answer.status, &answer.json()["code"]), (status, &json!(code)), "{path}");
+    }
+}
+
+#[test]
 fn frames_are_there_while_the_job_runs() {
     let dir = tempfile::tempdir().unwrap();
     let server = Server::start(dir.path());

@@ -20,6 +20,70 @@ fn refused(server: &Server, path: &str, body: Value, code: &str) -> String {
 }
 
 #[test]
+fn a_sweep_is_judged_before_it_is_submitted() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let validate = "/v1/sweeps:validate";
+    let body = json!({ "scene": short(), "name": "steps", "grid": { "domain.dx": [0.125, 0.0625], "seed": [1, 2] } });
+    let valid = server.post_json(validate, &body).json();
+    let jobs = valid["jobs"].as_array().unwrap_or_else(|| panic!("{valid}"));
+    assert_eq!((jobs.len(), &jobs[0]["values"]), (4, &json!({ "domain.dx": 0.125, "seed": 1 })));
+    assert_eq!((&jobs[0]["particles"], &jobs[2]["particles"]), (&json!(16), &json!(64)));
+    let sum: f64 = jobs.iter().map(|job| job["estimate_s"].as_f64().unwrap()).sum();
+    assert!(sum > 0.0 && (valid["estimate_s"].as_f64().unwrap() - sum).abs() < 1e-9 * sum, "{valid}");
+    let detail = refused(&server, validate, json!({ "scene": short(), "grid": { "seed": [1, -1] } }), "invalid_scene");
+    assert!(detail.starts_with("job 2 of 2 (seed=-1)"), "{detail}");
+    let dear = json!({ "scene": short(), "grid": { "seed": [1, 2] }, "max_cost": 1e-9 });
+    refused(&server, validate, dear, "cost_exceeded");
+    assert_eq!(server.get("/v1/sweeps").json(), json!({ "sweeps": [], "next_cursor": null }));
+}
+
+#[test]
+fn sweeps_are_listed_with_their_results() {
+    let dir = tempfile::tempdir().unwrap();
+    let server = Server::start(dir.path());
+    let submit = |name: &str, seeds: &[u64]| {
+        let answer =
+            server.post_json("/v1/sweeps", &json!({ "scene": short(), "name": name, "grid": { "seed": seeds } }));
+        assert_eq!(answer.status, 202, "{}", answer.json());
+        answer.header("location").to_owned()
+    };
+    let (first, second) = (submit("first", &[1, 2]), submit("second", &[3]));
+    for path in [&first, &second] {
+        server.wait_until(path, "the end of the sweep", |sweep| sweep["ended"] == true);
+    }
+    let page = server.get("/v1/sweeps?limit=1").json();
+    assert_eq!((&page["sweeps"][0]["name"], &page["sweeps"][0]["total"]), (&json!("second"), &json!(1)));
+    let next = server.get(&format!("/v1/sweeps?limit=1&cursor={}", page["next_cursor"].as_str().unwrap())).json();
+    assert_eq!((&next["sweeps"][0]["name"], &next["next_cursor"]), (&json!("first"), &json!(null)));
+    for query in ["limit=0", "cursor=x", "colour=red"] {
+        let wrong = server.get(&format!("/v1/sweeps?{query}"));
+        assert_eq!((wrong.status, &wrong.json()["code"]), (400, &json!("invalid_query")), "{query}");
+    }
+
+    let results = server.get(&format!("{first}/results")).json();
+    let jobs = results["jobs"].as_array().unwrap();
+    assert_eq!(jobs.iter().map(|job| &job["values"]["seed"]).collect::<Vec<_>>(), [1, 2]);
+    for job in jobs {
+        let rows = server.get(&format!("/v1/jobs/{}/diagnostics", job["id"].as_str().unwrap())).json();
+        let speeds: Vec<f64> =
+            rows["rows"].as_array().unwrap().iter().map(|row| row["max_speed"].as_f64().unwrap()).collect();
+        let (least, most) = speeds.iter().fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
+        let expected = json!({ "last": speeds.last(), "least": least, "most": most });
+        assert_eq!(job["diagnostics"]["max_speed"], expected, "{job}");
+        assert_eq!((&job["status"], &job["progress"]["frames_written"]), (&json!("succeeded"), &json!(6)));
+    }
+    let none = server.get("/v1/sweeps/01890000-0000-7000-8000-000000000000/results");
+    assert_eq!((none.status, &none.json()["code"]), (404, &json!("sweep_not_found")));
+
+    // A sweep is listed as long as it has jobs.
+    let id = second.rsplit('/').next().unwrap();
+    assert_eq!(server.post_json("/v1/jobs:delete", &json!({ "sweep": id })).json(), json!({ "jobs": 1 }));
+    let left = server.get("/v1/sweeps").json();
+    assert_eq!((left["sweeps"].as_array().unwrap().len(), &left["sweeps"][0]["name"]), (1, &json!("first")));
+}
+
+#[test]
 fn a_sweep_runs_every_combination_and_ends() {
     let dir = tempfile::tempdir().unwrap();
     let server = Server::start(dir.path());
@@ -34,6 +98,9 @@ fn a_sweep_runs_every_combination_and_ends() {
     let names: Vec<&str> = jobs["jobs"].as_array().unwrap().iter().map(|job| job["name"].as_str().unwrap()).collect();
     assert_eq!(names.len(), 4);
     assert_eq!(names[3], "steps solver.cfl=0.3 solver.kernel=\"compact\"");
+
+    let values = json!({ "solver.cfl": 0.3, "solver.kernel": "compact" });
+    assert_eq!((&jobs["jobs"][3]["sweep_values"], &jobs["jobs"][3]["sweep"]), (&values, &sweep["id"]));
 
     let wrong = json!({ "scene": short(), "list": [{ "solver.cfl": 0.4 }, { "solver.cfl": -1 }] });
     let detail = refused(&server, "/v1/sweeps", wrong, "invalid_scene");

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicI64, Ordering};
 
-use gridfall_service::store::{Filter, Job, JobStore, NewJob, NewSweep, Outcome, Status, Submission};
+use gridfall_service::store::{Filter, Job, JobStore, NewJob, NewSweep, Outcome, Status, Submission, Sweep};
 use jiff::{SignedDuration, Timestamp};
 
 use super::{accept, new_job, on_both};
@@ -159,7 +159,7 @@ async fn a_name_is_found_among_many_and_among_few(store: JobStore) {
 async fn a_sweep_is_accepted_as_a_whole_or_not_at_all(store: JobStore) {
     let keyed = NewSweep {
         name: "three".into(),
-        jobs: ["a", "b", "c"].map(new_job).into(),
+        jobs: [("a", 1), ("b", 2), ("c", 3)].map(swept).into(),
         idempotency_key: Some("k".into()),
         request_sha256: "three".into(),
     };
@@ -175,6 +175,7 @@ async fn a_sweep_is_accepted_as_a_whole_or_not_at_all(store: JobStore) {
     let listed = store.list(&of_it, None, 10).await.unwrap();
     assert_eq!(names(&listed), ["c", "b", "a"]);
     assert_eq!(listed[0].sweep, Some(id));
+    assert_eq!(listed[0].sweep_values, swept(("c", 3)).sweep_values);
     let claim = store.claim("me").await.unwrap().unwrap();
     store.finish(claim.id, claim.attempt, &Outcome::Succeeded).await.unwrap();
     let sweep = store.sweep(id).await.unwrap().unwrap();
@@ -186,6 +187,21 @@ async fn a_sweep_is_accepted_as_a_whole_or_not_at_all(store: JobStore) {
     assert_eq!((sweep.jobs, sweep.fraction), (BTreeMap::from([("canceled", 2), ("succeeded", 1)]), 1.0));
     assert_eq!(store.counts().await.unwrap()[0], (Status::Queued, 1), "the other job is untouched");
     assert_eq!(store.sweep(uuid::Uuid::now_v7()).await.unwrap(), None);
+
+    let later = NewSweep { jobs: vec![new_job("d")], ..NewSweep::default() };
+    let Submission::Accepted(later) = store.submit_sweep(&later, 9).await.unwrap() else { panic!() };
+    let ids = |sweeps: Vec<Sweep>| sweeps.into_iter().map(|sweep| sweep.id).collect::<Vec<_>>();
+    let all = store.sweeps(None, 9).await.unwrap();
+    assert_eq!(all[1].jobs, BTreeMap::from([("canceled", 2), ("succeeded", 1)]));
+    assert_eq!(ids(all), [later, id]);
+    assert_eq!(ids(store.sweeps(None, 1).await.unwrap()), [later]);
+    assert_eq!(ids(store.sweeps(Some(later), 9).await.unwrap()), [id]);
+    store.delete_all(&of_it, 9).await.unwrap();
+    assert_eq!(ids(store.sweeps(None, 9).await.unwrap()), [later], "without jobs there is no sweep");
+}
+
+fn swept((name, seed): (&str, u64)) -> NewJob {
+    NewJob { sweep_values: BTreeMap::from([("seed".to_owned(), seed.into())]), ..new_job(name) }
 }
 
 async fn many_jobs_are_canceled_and_deleted_by_a_filter(store: JobStore) {

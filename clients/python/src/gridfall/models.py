@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Literal
 
-from .document import Part, member
+from .document import Json, Part, member
 
 Status = Literal["queued", "running", "succeeded", "failed", "canceled"]
 """`queued → running → succeeded | failed | canceled`; a running job goes back to `queued` when its server stops."""
@@ -136,6 +136,7 @@ class Job(Part):
     - started_at: When the current attempt started.
     - status
     - sweep: The sweep that the job is of.
+    - sweep_values: What the sweep put in the place of the scene's values, by path; empty without a sweep.
     - tags
     """
 
@@ -172,6 +173,8 @@ class Job(Part):
     status: Status = field(metadata=member())
     sweep: str | None = field(metadata=member())
     """The sweep that the job is of."""
+    sweep_values: Json = field(metadata=member())
+    """What the sweep put in the place of the scene's values, by path; empty without a sweep."""
     tags: list[str] = field(metadata=member())
 
 

@@ -73,5 +73,8 @@ export async function all(what, filter, described) {
   }
 }
 
-/** The scene of a job, as text to edit. */
-export const sceneOf = async (id, signal) => JSON.stringify(await get(`/v1/jobs/${id}/scene`, signal), null, 2);
+/** The scene of a job, as text to edit: lists without objects are in one line. */
+export async function sceneOf(id, signal) {
+  const text = JSON.stringify(await get(`/v1/jobs/${id}/scene`, signal), null, 2);
+  return text.replace(/\[\n\s+([^[\]{}]*?)\n\s+\]/g, (_, inner) => `[${inner.replace(/\n\s+/g, " ")}]`);
+}

@@ -5,8 +5,8 @@ import { h, text } from "./dom.js";
 
 const SIZE = "960x600";
 
-/** A figure with the last frame at first; frame and colours can be chosen. */
-export function drawnFrame(job, signal) {
+/** A figure with the last frame at first; frame and colours can be chosen. `chosen` is told of the frame. */
+export function drawnFrame(job, chosen, signal) {
   const path = `/v1/jobs/${job.id}`;
   const last = job.progress.frames_written - 1;
   const image = h("img", { src: `${path}/thumbnail.png`, alt: `The last frame of ${job.name}` });
@@ -51,7 +51,10 @@ export function drawnFrame(job, signal) {
   image.addEventListener("error", () => !element.hidden && text(note, "This picture cannot be drawn now; try again."));
   // While the slider moves only its number follows: each picture is work.
   frame.addEventListener("input", label);
-  frame.addEventListener("change", draw);
+  frame.addEventListener("change", () => {
+    draw();
+    chosen(Number(frame.value));
+  });
   colors.addEventListener("change", draw);
   label();
   get(`${path}/frames`, signal)

@@ -3,8 +3,9 @@
 import { h, prose } from "./dom.js";
 import { bytes, count, duration, many, number, quantity } from "./format.js";
 import { fault } from "./problem.js";
+import { brief, shown } from "./values.js";
 
-const row = (name, value, note) => [
+const fact = (name, value, note) => [
   h("dt", {}, name),
   h("dd", {}, value, note && h("span", { class: "note" }, prose(note))),
 ];
@@ -49,23 +50,23 @@ export function estimate({ estimate: e, notices }, reach) {
     h(
       "dl",
       { class: "facts" },
-      row("Particles", count(e.particles)),
-      row("Recording", `${count(e.frames)} frames, ${number(e.end_time)} s`),
-      row("Steps", count(e.steps), `${many(e.particle_steps)} particle steps`),
-      row(
+      fact("Particles", count(e.particles)),
+      fact("Recording", `${count(e.frames)} frames, ${number(e.end_time)} s`),
+      fact("Steps", count(e.steps), `${many(e.particle_steps)} particle steps`),
+      fact(
         "Cells",
         e.cells
           .filter((n, axis) => axis < 2 || n > 1)
           .map(count)
           .join(" × "),
       ),
-      row(
+      fact(
         "Memory",
         bytes(e.host_memory_bytes),
         e.device_memory_bytes ? `${bytes(e.device_memory_bytes)} on a GPU` : "CPU only",
       ),
-      row("Step", quantity(e.dt_s, "s"), e.dt_reason),
-      row("Integrator", e.integrator, e.integrator_reason),
+      fact("Step", quantity(e.dt_s, "s"), e.dt_reason),
+      fact("Integrator", e.integrator, e.integrator_reason),
     ),
     compared,
     notices.length > 0 && [
@@ -76,5 +77,43 @@ export function estimate({ estimate: e, notices }, reach) {
         notices.map((one) => fault(one, reach)),
       ),
     ],
+  ];
+}
+
+/** What the jobs of a sweep will cost. */
+export function sweepCost({ jobs, estimate_s: total }) {
+  const paths = Object.keys(jobs[0].values);
+  const costs = jobs.map((job) => job.estimate_s);
+  const [least, most] = [Math.min(...costs), Math.max(...costs)].map(duration);
+  const names = brief(paths);
+  const head = [...paths, "Particles", "Time"].map((name) =>
+    h("th", { scope: "col", title: name }, names.get(name) ?? name),
+  );
+  const row = (job) =>
+    h(
+      "tr",
+      {},
+      paths.map((path, n) => h(n ? "td" : "th", n ? {} : { scope: "row" }, shown(job.values[path]))),
+      h("td", {}, count(job.particles)),
+      h("td", {}, duration(job.estimate_s)),
+    );
+  return [
+    h("p", { class: "cost" }, h("strong", {}, `About ${duration(total)}`), " together on two cores of a server"),
+    h(
+      "dl",
+      { class: "facts" },
+      fact("Jobs", count(jobs.length)),
+      fact("Each", least === most ? least : `${least} to ${most}`),
+    ),
+    h(
+      "details",
+      { class: "numbers", open: jobs.length <= 12 },
+      h("summary", {}, "All jobs"),
+      h(
+        "div",
+        { class: "scroll", tabindex: 0, role: "region", "aria-label": "Jobs of the sweep" },
+        h("table", {}, h("thead", {}, h("tr", {}, head)), h("tbody", {}, jobs.map(row))),
+      ),
+    ),
   ];
 }

@@ -15,25 +15,25 @@ const PREFIXES = [
 /** 1,234,567 */
 export const count = (n) => whole.format(n);
 
-/** Three significant digits: 0.00123, 12.3, 1.23e9. */
-export function number(x) {
+/** Three significant digits, or as many as asked for: 0.00123, 12.3, 1.23e9. */
+export function number(x, significant = 3) {
   if (x === null || x === undefined || !Number.isFinite(x)) return "–";
   if (x === 0) return "0";
   const size = Math.abs(x);
   if (size >= 1e6 || size < 1e-3) {
-    const [digits, power] = x.toExponential(2).split("e");
+    const [digits, power] = x.toExponential(significant - 1).split("e");
     return `${Number(digits)}e${Number(power)}`.replaceAll("-", "−");
   }
-  const digits = Math.max(0, 2 - Math.floor(Math.log10(size)));
+  const digits = Math.max(0, significant - 1 - Math.floor(Math.log10(size)));
   return String(Number(x.toFixed(digits))).replace("-", "−");
 }
 
 /** With a prefix of the unit: 1.2 ms, 34 kPa. */
-export function quantity(x, unit) {
+export function quantity(x, unit, significant = 3) {
   if (x === null || x === undefined || !Number.isFinite(x)) return "–";
-  if (x === 0 || unit === "1" || unit === "") return number(x) + (unit && unit !== "1" ? ` ${unit}` : "");
+  if (x === 0 || unit === "1" || unit === "") return number(x, significant) + (unit && unit !== "1" ? ` ${unit}` : "");
   const [scale, sign] = prefix(x);
-  return `${number(x / scale)} ${sign}${unit}`;
+  return `${number(x / scale, significant)} ${sign}${unit}`;
 }
 
 /** The prefix of a unit that makes numbers up to `x` short, and what it stands for. */

@@ -4,12 +4,14 @@ import { cancel, hasEnded, remove, rerun } from "./actions.js";
 import { follow, get } from "./api.js";
 import { announce, h, prose, text } from "./dom.js";
 import { drawnFrame } from "./drawing.js";
+import { exports } from "./exports.js";
 import { count, duration, many, number, ordinal, percent, when } from "./format.js";
 import { badge } from "./jobs.js";
 import { downloads, viewers } from "./outputs.js";
 import { plots } from "./plots.js";
 import { preview } from "./preview.js";
 import { failed, fault } from "./problem.js";
+import { shown } from "./values.js";
 
 const MOST_LINES = 500;
 const BETWEEN = 1500;
@@ -37,6 +39,7 @@ export function job(main, id, signal) {
   const noCharts = h("p", { class: "note" }, "The plots come with the first frames.");
   const drawn = plots(charts);
   const files = h("div", {});
+  const exported = exports(id);
   const links = h("div", {});
   const log = h("pre", { class: "log", tabindex: 0, role: "region", "aria-label": "Log of the job" });
   const notices = h("div", {});
@@ -58,7 +61,12 @@ export function job(main, id, signal) {
     failure,
     h("div", { class: "columns" }, media, card("details", "Details", facts, notices)),
     charted,
-    h("div", { class: "columns" }, card("downloads", "Downloads", files), card("opens", "Open in", links)),
+    h(
+      "div",
+      { class: "columns" },
+      card("downloads", "Downloads", files, exported.element),
+      card("opens", "Open in", links),
+    ),
     card("logs", "Log", log),
   );
 
@@ -78,7 +86,7 @@ export function job(main, id, signal) {
     ) {
       buttons(now);
       fail(now);
-      files.replaceChildren(...downloads(now));
+      files.replaceChildren(...downloads(now, scene));
       links.replaceChildren(...viewers(now));
       pictureOf(now);
     }
@@ -86,7 +94,9 @@ export function job(main, id, signal) {
     // A job that left no frame has nothing to show.
     media.hidden = charted.hidden = hasEnded(now) && !now.progress.frames_written;
     details(now);
-    if (scene && now.progress.frames_written) moving.update(scene, now.progress.frames_written, hasEnded(now));
+    if (scene) exported.update(now.progress.frames_written, scene.dimension === 2);
+    if (scene && now.progress.frames_written)
+      moving.update(scene, now.particles, now.progress.frames_written, hasEnded(now));
     later(hasEnded(now) ? 0 : BETWEEN);
   }
 
@@ -149,8 +159,13 @@ export function job(main, id, signal) {
 
   function pictureOf(now) {
     if (!hasEnded(now) || !now.progress.frames_written || picture.childElementCount) return;
-    picture.append(drawnFrame(now, signal));
+    picture.append(drawnFrame(now, exported.choose, signal));
   }
+
+  const swept = (values) =>
+    Object.entries(values)
+      .map(([path, one]) => `\`${path}\` ${shown(one)}`)
+      .join(", ");
 
   function details(now) {
     const rows = [
@@ -161,6 +176,9 @@ export function job(main, id, signal) {
       ["Submitted", when(now.created_at)],
       ["Started", when(now.started_at), now.attempt > 1 ? `attempt ${now.attempt}` : null],
       ["Estimate", now.estimate_s === null ? "–" : `${duration(now.estimate_s)} on two cores`],
+      ...(now.sweep
+        ? [["Sweep", h("a", { href: `#/sweeps/${now.sweep}` }, "its sweep"), swept(now.sweep_values)]]
+        : []),
       ["Tags", now.tags.length ? now.tags.join(", ") : "none"],
       ["Priority", String(now.priority), now.deadline && `must start before ${when(now.deadline)}`],
       ["Id", h("code", {}, now.id)],
@@ -244,7 +262,10 @@ export function job(main, id, signal) {
     update(await get(`/v1/jobs/${id}`, signal));
     const events = follow(`/v1/jobs/${id}/events`, (event, data) => heard[event]?.(data), signal);
     scene = await get(`/v1/jobs/${id}/scene`, signal);
-    if (last.progress.frames_written) moving.update(scene, last.progress.frames_written, hasEnded(last));
+    files.replaceChildren(...downloads(last, scene));
+    exported.update(last.progress.frames_written, scene.dimension === 2);
+    if (last.progress.frames_written)
+      moving.update(scene, last.particles, last.progress.frames_written, hasEnded(last));
     await events;
   }
 

@@ -236,6 +236,7 @@ export function jobs(main, query, signal) {
     const state = badge();
     const link = h("a", { href: `#/jobs/${first.id}` });
     const tags = h("span", { class: "tags" });
+    const sweep = first.sweep && h("a", { class: "of", href: `#/sweeps/${first.sweep}` }, "sweep");
     const narrow = h("span", { class: "narrow" });
     const bar = h("progress", { max: 1 });
     const words = h("span", {});
@@ -245,7 +246,7 @@ export function jobs(main, query, signal) {
       "tr",
       {},
       h("td", { class: "select" }, check),
-      h("th", { scope: "row" }, link, tags, narrow),
+      h("th", { scope: "row" }, link, sweep && [" ", sweep], tags, narrow),
       h("td", {}, state.element),
       h("td", { class: "progress" }, bar, words),
       cells,
@@ -254,6 +255,7 @@ export function jobs(main, query, signal) {
     function update(job) {
       row.job = job;
       text(link, job.name);
+      sweep?.setAttribute("aria-label", `sweep of ${job.name}`);
       check.setAttribute("aria-label", `Select ${job.name}, ${job.status}`);
       text(tags, job.tags.map((tag) => `#${tag}`).join(" "));
       state.update(job);

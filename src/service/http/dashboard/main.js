@@ -4,11 +4,15 @@ import { connection } from "./api.js";
 import { h } from "./dom.js";
 import { jobs } from "./jobs.js";
 import { submit } from "./submit.js";
+import { sweep } from "./sweep.js";
+import { sweeps } from "./sweeps.js";
 import { job } from "./job.js";
 import { viewer } from "./viewer.js";
 
 const ROUTES = [
   [/^#\/(?:\?(.*))?$/, "jobs", jobs],
+  [/^#\/sweeps$/, "sweeps", sweeps],
+  [/^#\/sweeps\/([0-9a-f-]{36})$/, "sweep", sweep],
   [/^#\/new(?:\?(.*))?$/, "new", submit],
   [/^#\/jobs\/([0-9a-f-]{36})$/, "job", job],
   [/^#\/jobs\/([0-9a-f-]{36})\/view$/, "view", viewer],

@@ -18,6 +18,22 @@ export function ticks(low, high, n) {
   return Array.from({ length: last - first + 1 }, (_, k) => Number(((first + k) * step).toPrecision(12)));
 }
 
+/** Significant digits that tell values apart which lie a step from each other. */
+function digits(low, high, step) {
+  const largest = Math.max(Math.abs(low), Math.abs(high));
+  return Math.min(12, Math.max(3, Math.floor(Math.log10(largest)) - Math.floor(Math.log10(step) + 1e-9) + 1));
+}
+
+/** Powers of ten in a range, with twos and fives between them where they are few. */
+function decades(low, high) {
+  const [from, to] = [low, high].map((x) => Math.floor(Math.log10(x)));
+  const all = (factors) =>
+    Array.from({ length: to - from + 1 }, (_, k) => factors.map((f) => Number((f * 10 ** (from + k)).toPrecision(3))))
+      .flat()
+      .filter((x) => x >= low * (1 - 1e-9) && x <= high * (1 + 1e-9));
+  return all([1]).length < 3 ? all([1, 2, 5]) : all([1]);
+}
+
 /** Lowest and highest of what is shown, with room around it. */
 function extent(lists, fromZero) {
   let [low, high] = [Infinity, -Infinity];
@@ -34,9 +50,10 @@ function extent(lists, fromZero) {
   return [low - (fromZero && low === 0 ? 0 : room), high + (fromZero && high === 0 && low < 0 ? 0 : room)];
 }
 
-/** A plot. `series` have a `name` and a column `key`; `update` takes the rows. Values are
- * shown with a prefix of the unit if they are to be `scaled`. */
-export function plot({ title, unit, scaled = false, series, x, fromZero = true }) {
+/** A plot. `series` have a `name` and a column `key`; `update` takes the rows. Values are shown with a prefix of the
+ * unit if they are to be `scaled`. Rows are joined by a `line`, have `dots`, or both. Where `x` has `words`, they are
+ * what its values count; where it is `log`, all of it is above 0. */
+export function plot({ title, unit, scaled = false, series, x, fromZero = true, line: joined = true, dots = false }) {
   const svg = s("svg", { height: HEIGHT, "aria-hidden": "true" });
   const area = h("div", { class: "plot-area", tabindex: 0, role: "img" }, svg);
   const values = h("p", { class: "values", "aria-live": "polite" });
@@ -73,7 +90,9 @@ export function plot({ title, unit, scaled = false, series, x, fromZero = true }
   let [rows, mark, scales] = [[], null, null];
 
   let [factor, shownUnit] = [1, unit];
-  const say = (value) => number(value / factor);
+  let exact = 3;
+  const say = (value) => number(value / factor, exact);
+  const sayX = (value) => x.words?.[value] ?? number(value);
   const spaced = () => (shownUnit ? ` ${shownUnit}` : "");
 
   /** Takes the prefix of the unit that suits the largest value. */
@@ -91,30 +110,43 @@ export function plot({ title, unit, scaled = false, series, x, fromZero = true }
     const width = area.clientWidth;
     if (!width || !rows.length) return;
     const [xs, list] = [rows.map((row) => row[x.key]), shown()];
-    const [x0, x1] = [xs[0], xs.at(-1) > xs[0] ? xs.at(-1) : xs[0] + 1];
+    const place = x.log ? Math.log : (value) => value;
+    let [x0, x1] = [xs[0], xs.at(-1)].map(place);
+    if (!(x1 > x0)) x1 = x0 + 1;
+    // Words have room around them, and so has what is alone.
+    if (x.words || (dots && xs.at(-1) === xs[0])) [x0, x1] = [place(xs[0]) - 0.5, place(xs.at(-1)) + 0.5];
+    else if (dots) [x0, x1] = [x0 - 0.03 * (x1 - x0), x1 + 0.03 * (x1 - x0)];
     const [y0, y1] = extent(
       list.map(({ key }) => rows.map((row) => row[key])),
       fromZero,
     );
-    const right = (value) => LEFT + ((value - x0) / (x1 - x0)) * (width - LEFT - RIGHT);
+    const right = (value) => LEFT + ((place(value) - x0) / (x1 - x0)) * (width - LEFT - RIGHT);
     const down = (value) => HEIGHT - BOTTOM - ((value - y0) / (y1 - y0)) * (HEIGHT - TOP - BOTTOM);
     scales = { right, down, width };
-    const label = (place, value) => s("text", place, value);
+    const label = (where, value) => s("text", where, value);
     const parts = [];
-    for (const value of ticks(y0, y1, 5)) {
+    const heights = ticks(y0, y1, 5);
+    exact = heights.length > 1 ? digits(heights[0], heights.at(-1), heights[1] - heights[0]) : 3;
+    for (const value of heights) {
       const y = down(value);
       parts.push(s("line", { x1: LEFT, x2: width - RIGHT, y1: y, y2: y, class: value === 0 ? "zero" : "grid" }));
       parts.push(label({ x: LEFT - 8, y: y + 4, "text-anchor": "end" }, say(value)));
     }
-    for (const value of ticks(x0, x1, Math.max(2, Math.floor(width / 110)))) {
+    const most = Math.max(2, Math.floor(width / 110));
+    const marks = x.words ? x.words.map((_, n) => n) : x.log ? decades(xs[0], xs.at(-1)) : ticks(x0, x1, most);
+    for (const value of marks) {
       parts.push(
         s("line", { x1: right(value), x2: right(value), y1: HEIGHT - BOTTOM, y2: HEIGHT - BOTTOM + 4, class: "grid" }),
       );
-      parts.push(label({ x: right(value), y: HEIGHT - BOTTOM + 17, "text-anchor": "middle" }, number(value)));
+      parts.push(label({ x: right(value), y: HEIGHT - BOTTOM + 17, "text-anchor": "middle" }, sayX(value)));
     }
     parts.push(s("text", { x: (LEFT + width - RIGHT) / 2, y: HEIGHT - 4, "text-anchor": "middle" }, x.label));
     for (const one of list) {
-      parts.push(s("path", { d: line(xs, one.key, right, down, width), class: `series s${series.indexOf(one)}` }));
+      const kind = `s${series.indexOf(one)}`;
+      if (joined) parts.push(s("path", { d: line(xs, one.key, right, down, width), class: `series ${kind}` }));
+      for (const row of dots ? rows.filter((row) => Number.isFinite(row[one.key])) : []) {
+        parts.push(s("circle", { cx: right(row[x.key]), cy: down(row[one.key]), r: 4, class: `dot ${kind}` }));
+      }
     }
     svg.setAttribute("width", width);
     svg.replaceChildren(...parts, s("g", { class: "mark" }));
@@ -133,6 +165,7 @@ export function plot({ title, unit, scaled = false, series, x, fromZero = true }
         if (rows[k][key] > rows[high][key]) high = k;
       }
       for (const k of low === high ? [low] : [Math.min(low, high), Math.max(low, high)]) {
+        if (rows[k][key] === undefined) continue;
         if (!Number.isFinite(rows[k][key])) {
           pen = "M";
           continue;
@@ -162,7 +195,7 @@ export function plot({ title, unit, scaled = false, series, x, fromZero = true }
     if (!row || !group) return;
     const list = shown();
     const said = list.map(({ name, key }) => `${name} ${say(row[key])}`).join(", ");
-    text(values, `${x.name} ${number(row[x.key])}${x.unit ? ` ${x.unit}` : ""}: ${said}${spaced()}`);
+    text(values, `${x.name} ${sayX(row[x.key])}${x.unit ? ` ${x.unit}` : ""}: ${said}${spaced()}`);
     if (mark === null) return;
     const at = scales.right(row[x.key]);
     group.append(s("line", { x1: at, x2: at, y1: TOP, y2: HEIGHT - BOTTOM, class: "cursor" }));
@@ -198,7 +231,7 @@ export function plot({ title, unit, scaled = false, series, x, fromZero = true }
       h(
         "tbody",
         {},
-        chosen.map((row) => h("tr", {}, h("th", { scope: "row" }, number(row[x.key])), cells(row))),
+        chosen.map((row) => h("tr", {}, h("th", { scope: "row" }, sayX(row[x.key])), cells(row))),
       ),
     );
     table.querySelector(".scroll")?.remove();
@@ -209,11 +242,10 @@ export function plot({ title, unit, scaled = false, series, x, fromZero = true }
 
   area.addEventListener("pointermove", (event) => {
     if (!scales || !rows.length) return;
-    const share = (event.offsetX - LEFT) / (scales.width - LEFT - RIGHT);
-    const wanted = rows[0][x.key] + share * (rows.at(-1)[x.key] - rows[0][x.key]);
+    const away = (row) => Math.abs(scales.right(row[x.key]) - event.offsetX);
     let best = 0;
     rows.forEach((row, n) => {
-      if (Math.abs(row[x.key] - wanted) < Math.abs(rows[best][x.key] - wanted)) best = n;
+      if (away(row) < away(rows[best])) best = n;
     });
     point(best);
   });

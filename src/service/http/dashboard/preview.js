@@ -4,6 +4,7 @@ import { h, text } from "./dom.js";
 import { number } from "./format.js";
 import { Frames } from "./frames.js";
 import { domain, Scene3D } from "./scene3d.js";
+import { Solids } from "./solids.js";
 
 const MOST_FRAMES = 48;
 const MOST_POINTS = 8000;
@@ -19,7 +20,7 @@ export function preview(id, signal) {
   const element = h("div", { class: "player" }, stage, h("div", { class: "actions" }, button, time));
   const calm = matchMedia("(prefers-reduced-motion: reduce)");
   const frames = new Frames(id, { most: MOST_POINTS, room: 48e6, signal });
-  let [playing, wanted, known, scene3d, shown] = [!calm.matches, 0, [], null, 0];
+  let [playing, wanted, known, scene3d, solids, shown] = [!calm.matches, 0, [], null, null, 0];
   let loading = false;
   button.disabled = true;
 
@@ -30,7 +31,9 @@ export function preview(id, signal) {
       text(note, error.message);
       return;
     }
-    const { min, max, flat } = domain(scene);
+    solids = new Solids(id, scene, signal);
+    const { min, max, flat, pitch } = domain(scene);
+    scene3d.pitch = pitch;
     scene3d.setBounds(min, max, flat);
   }
 
@@ -44,7 +47,10 @@ export function preview(id, signal) {
         const n = Math.min(MOST_FRAMES, total);
         const chosen = Array.from({ length: n }, (_, k) => Math.round((k * (total - 1)) / Math.max(n - 1, 1)));
         const list = [];
-        for (const frame of chosen) list.push(await frames.get(frame));
+        for (const frame of chosen) {
+          const [points, { solids: around }] = await Promise.all([frames.get(frame), solids.at(frame)]);
+          list.push({ points, around });
+        }
         known = Object.assign(list, { total });
         if (!playing) show(known.length - 1);
         else if (note.hidden === false) show(0);
@@ -62,10 +68,12 @@ export function preview(id, signal) {
   function show(k) {
     if (!known[k] || !canvas.clientWidth) return;
     shown = k;
-    scene3d.setPoints(known[k]);
+    const { points, around } = known[k];
+    scene3d.setPoints(points);
+    scene3d.solids = around;
     scene3d.fit();
     scene3d.draw();
-    text(time, `${number(known[k].time)} s`);
+    text(time, `${number(points.time)} s`);
   }
 
   function label() {
@@ -97,8 +105,9 @@ export function preview(id, signal) {
     scene3d?.close();
   });
 
-  const update = (scene, total, ended) => {
+  const update = (scene, particles, total, ended) => {
     if (!scene3d) start(scene);
+    if (scene3d) scene3d.particles = particles;
     // While the job runs, not every frame is worth another round.
     if (ended || total >= 1.25 * wanted + 1) {
       wanted = total;

@@ -1,77 +1,7 @@
-// Points in a box, drawn with WebGL. The camera turns around a target; everything is relative to the points' origin, so
-// that far domains lose no digits.
+// Points and colliders in a box, drawn with WebGL. The camera turns around a target; everything is relative to the
+// points' origin, so that far domains lose no digits.
 
-const POINTS = `#version 300 es
-uniform mat4 view, projection;
-uniform float size, low, high;
-uniform bool valued;
-in vec3 position;
-in float value;
-in vec4 color;
-out vec3 shade;
-
-// Viridis (van der Walt and Smith, CC0), as a polynomial.
-vec3 viridis(float t) {
-  const vec3 a = vec3(0.2777273, 0.0054073, 0.3340998), b = vec3(0.1050930, 1.4046135, 1.3845902);
-  const vec3 c = vec3(-0.3308618, 0.2148476, 0.0950952), d = vec3(-4.6342305, -5.7991010, -19.3324410);
-  const vec3 e = vec3(6.2282699, 14.1799334, 56.6905526), f = vec3(4.7763850, -13.7451454, -65.3530326);
-  const vec3 g = vec3(-5.4354559, 4.6458526, 26.3124352);
-  return a + t * (b + t * (c + t * (d + t * (e + t * (f + t * g)))));
-}
-
-void main() {
-  vec4 at = view * vec4(position, 1.0);
-  gl_Position = projection * at;
-  gl_PointSize = clamp(size * projection[1][1] / gl_Position.w, 1.5, 64.0);
-  bool known = !(isnan(value) || isinf(value));
-  float t = known ? clamp((value - low) / max(high - low, 1e-30), 0.0, 1.0) : 0.0;
-  shade = valued ? (known ? viridis(t) : vec3(0.5)) : color.rgb;
-}`;
-
-const BALL = `#version 300 es
-precision mediump float;
-in vec3 shade;
-out vec4 result;
-
-void main() {
-  vec2 at = 2.0 * gl_PointCoord - 1.0;
-  float r = dot(at, at);
-  if (r > 1.0) discard;
-  float light = 0.62 + 0.38 * dot(vec3(at.x, -at.y, sqrt(1.0 - r)), normalize(vec3(-0.3, 0.5, 0.8)));
-  result = vec4(shade * light, 1.0);
-}`;
-
-const LINES = `#version 300 es
-uniform mat4 view, projection;
-in vec3 position;
-void main() { gl_Position = projection * view * vec4(position, 1.0); }`;
-
-const PLAIN = `#version 300 es
-precision mediump float;
-uniform vec3 ink;
-out vec4 result;
-void main() { result = vec4(ink, 1.0); }`;
-
-/** The colour of a value in [0, 1], as the shader has it. */
-export function viridis(t) {
-  const k = [
-    [0.2777273, 0.105093, -0.3308618, -4.6342305, 6.2282699, 4.776385, -5.4354559],
-    [0.0054073, 1.4046135, 0.2148476, -5.799101, 14.1799334, -13.7451454, 4.6458526],
-    [0.3340998, 1.3845902, 0.0950952, -19.332441, 56.6905526, -65.3530326, 26.3124352],
-  ];
-  return k.map((row) =>
-    Math.round(
-      255 *
-        Math.min(
-          1,
-          Math.max(
-            0,
-            row.reduceRight((sum, c) => sum * t + c, 0),
-          ),
-        ),
-    ),
-  );
-}
+import { programs } from "./shaders.js";
 
 /** Half of the angle that the view is high. */
 const HALF_ANGLE = (19 * Math.PI) / 180;
@@ -79,13 +9,27 @@ const HALF_ANGLE = (19 * Math.PI) / 180;
 const sub = (a, b) => a.map((x, i) => x - b[i]);
 const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0);
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+
+/** The rows of a rotation, of a unit quaternion x, y, z, w. */
+const rotation = ([x, y, z, w]) => [
+  [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+  [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+  [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+];
 const unit = (a) => a.map((x) => x / Math.hypot(...a));
 
 export class Scene3D {
   points = null;
+  /** Colliders of the frame ([`solids.js`]), and how they are drawn: `solid`, `through` or `hidden`. */
+  solids = [];
+  style = "solid";
+  meshes = new Map();
   bounds = null;
   range = [0, 1];
   size = 1;
+  /** How far particles lie apart at first (m), and how many there are. */
+  pitch = 0.01;
+  particles = 0;
   fitted = null;
   /** Degrees above the floor and around it, the distance, and what is looked at (m, absolute). */
   camera = { azimuth: -60, elevation: 22, distance: 3, target: [0, 0, 0] };
@@ -96,26 +40,10 @@ export class Scene3D {
     const gl = canvas.getContext("webgl2", { antialias: true, alpha: true, preserveDrawingBuffer: true });
     if (!gl) throw new Error("This browser has no WebGL 2, which the view is drawn with.");
     this.gl = gl;
-    const compile = (kind, source) => {
-      const shader = gl.createShader(kind);
-      gl.shaderSource(shader, source);
-      gl.compileShader(shader);
-      return shader;
-    };
-    const program = (vertex, fragment, names) => {
-      const made = gl.createProgram();
-      gl.attachShader(made, compile(gl.VERTEX_SHADER, vertex));
-      gl.attachShader(made, compile(gl.FRAGMENT_SHADER, fragment));
-      ["position", "value", "color"].forEach((name, at) => gl.bindAttribLocation(made, at, name));
-      gl.linkProgram(made);
-      if (!gl.getProgramParameter(made, gl.LINK_STATUS) && !gl.isContextLost())
-        throw new Error(gl.getProgramInfoLog(made));
-      return { made, ...Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(made, name)])) };
-    };
-    this.balls = program(POINTS, BALL, ["view", "projection", "size", "low", "high", "valued"]);
-    this.lines = program(LINES, PLAIN, ["view", "projection", "ink"]);
+    Object.assign(this, programs(gl));
     this.buffers = ["position", "value", "color", "box"].map(() => gl.createBuffer());
     gl.enable(gl.DEPTH_TEST);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
   }
 
   /** The domain, whose edges are drawn. 2D scenes are seen from the front. */
@@ -214,7 +142,24 @@ export class Scene3D {
       gl.uniformMatrix4fv(program.projection, false, projection);
     };
     if (this.bounds) this.drawBox(use, origin);
-    if (!this.points?.n) return;
+    const shown = this.style === "hidden" ? [] : this.solids;
+    const through = (solid) => solid.translucent || this.style === "through";
+    this.drawSolids(use, origin, (solid) => !through(solid), shown, 1);
+    // What is flat has nothing behind anything.
+    if (this.flat) gl.clear(gl.DEPTH_BUFFER_BIT);
+    if (this.points?.n) this.drawPoints(use, height);
+    gl.enable(gl.BLEND);
+    gl.enable(gl.CULL_FACE);
+    gl.depthMask(false);
+    this.drawSolids(use, origin, through, shown, 0.35);
+    gl.depthMask(true);
+    gl.disable(gl.CULL_FACE);
+    gl.disable(gl.BLEND);
+    this.drawn?.({ right, up });
+  }
+
+  drawPoints(use, height) {
+    const { gl } = this;
     const { n, values, colors } = this.points;
     use(this.balls);
     gl.uniform1f(this.balls.size, this.size * this.spacing() * height);
@@ -237,15 +182,61 @@ export class Scene3D {
     gl.drawArrays(gl.POINTS, 0, n);
   }
 
-  /** A point's size: about as far as points lie apart when they fill a fifth of the domain. */
+  /** Draws those of `solids` that are `wanted`. */
+  drawSolids(use, origin, wanted, solids, alpha) {
+    const { gl } = this;
+    const list = solids.filter((solid) => wanted(solid) && solid.mesh.triangles.length);
+    if (!list.length) return;
+    use(this.faces);
+    gl.uniform4f(this.faces.ink, 0.6, 0.64, 0.7, alpha);
+    [1, 2].forEach((at) => gl.disableVertexAttribArray(at));
+    for (const { mesh, position, orientation } of list) {
+      const { corners, faces, base, n } = this.meshOf(mesh);
+      const turn = rotation(orientation);
+      const at = sub(
+        turn.map((row, i) => dot(row, base) + position[i]),
+        origin,
+      );
+      const model = [0, 1, 2].flatMap((i) => [turn[0][i], turn[1][i], turn[2][i], 0]);
+      gl.uniformMatrix4fv(this.faces.model, false, [...model, ...at, 1]);
+      gl.bindBuffer(gl.ARRAY_BUFFER, corners);
+      gl.enableVertexAttribArray(0);
+      gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, faces);
+      gl.drawElements(gl.TRIANGLES, n, gl.UNSIGNED_INT, 0);
+    }
+  }
+
+  /** A mesh on the graphics card, relative to its first corner; those that are no longer shown are freed. */
+  meshOf(mesh) {
+    const { gl } = this;
+    let kept = this.meshes.get(mesh);
+    if (kept) return kept;
+    const shown = new Set(this.solids.map((solid) => solid.mesh));
+    for (const [old, buffers] of this.meshes) {
+      if (shown.has(old)) continue;
+      [buffers.corners, buffers.faces].forEach((buffer) => gl.deleteBuffer(buffer));
+      this.meshes.delete(old);
+    }
+    const base = mesh.vertices.slice(0, 3);
+    const upload = (kind, data) => {
+      const buffer = gl.createBuffer();
+      gl.bindBuffer(kind, buffer);
+      gl.bufferData(kind, data, gl.STATIC_DRAW);
+      return buffer;
+    };
+    const corners = upload(gl.ARRAY_BUFFER, new Float32Array(mesh.vertices.map((x, k) => x - base[k % 3])));
+    const faces = upload(gl.ELEMENT_ARRAY_BUFFER, new Uint32Array(mesh.triangles));
+    kept = { corners, faces, base, n: mesh.triangles.length };
+    this.meshes.set(mesh, kept);
+    return kept;
+  }
+
+  /** A point's size: a little more than particles lie apart, if those that are shown stand for all. */
   spacing() {
-    const [min, max] = this.bounds ?? [
-      [0, 0, 0],
-      [1, 1, 1],
-    ];
-    const sides = sub(max, min).filter((side) => side > 0);
-    const room = sides.reduce((product, side) => product * side, 1) / 5;
-    return 0.75 * (room / Math.max(this.points.n, 50)) ** (1 / sides.length);
+    const { pitch, particles, flat } = this;
+    const share = Math.max(1, (particles || this.points.n) / this.points.n);
+    return (flat ? 1.1 : 1.4) * pitch * share ** (1 / (flat ? 2 : 3));
   }
 
   drawBox(use, origin) {
@@ -269,13 +260,16 @@ export class Scene3D {
   /** Frees what the graphics card holds. */
   close() {
     this.buffers.forEach((buffer) => this.gl.deleteBuffer(buffer));
+    this.meshes.clear();
     this.gl.getExtension("WEBGL_lose_context")?.loseContext();
   }
 }
 
-/** The corners of a scene's domain, and whether it is 2D. */
+/** The corners of a scene's domain, whether it is 2D, and how far its particles lie apart (m). */
 export function domain(scene) {
   const flat = scene.dimension === 2;
   const three = (corner) => [0, 1, 2].map((axis) => corner[axis] ?? 0);
-  return { min: three(scene.domain.min), max: three(scene.domain.max), flat };
+  const perCell = scene.bodies?.[0]?.particles_per_cell ?? (flat ? 4 : 8);
+  const pitch = scene.domain.dx / perCell ** (1 / (flat ? 2 : 3));
+  return { min: three(scene.domain.min), max: three(scene.domain.max), flat, pitch };
 }

@@ -2,12 +2,16 @@
 
 import { hasEnded } from "./actions.js";
 import { follow, get } from "./api.js";
+import { axes } from "./axes.js";
 import { announce, h, text } from "./dom.js";
-import { count, number, quantity } from "./format.js";
+import { count, number } from "./format.js";
 import { Frames } from "./frames.js";
 import { badge } from "./jobs.js";
+import { legend } from "./legend.js";
+import { orbit } from "./orbit.js";
 import { failed } from "./problem.js";
-import { domain, Scene3D, viridis } from "./scene3d.js";
+import { domain, Scene3D } from "./scene3d.js";
+import { Solids } from "./solids.js";
 
 const KEYS =
   "Arrow keys turn the view, with Shift they move it; plus and minus zoom, Home shows all. " +
@@ -17,14 +21,13 @@ export function viewer(main, id, signal) {
   const frames = new Frames(id, { signal });
   const state = badge();
   let [job, scene3d, rate, total, at, field] = [null, null, 24, 0, -1, "speed"];
-  let [playing, wanted, busy, range, units] = [false, null, false, null, {}];
+  let [playing, wanted, busy, range, units, solids, bodies] = [false, null, false, null, {}, null, []];
 
   const title = h("h1", {}, "3D view");
   const back = h("a", { href: `#/jobs/${id}` }, "Job");
   const canvas = h("canvas", { class: "view3d", tabindex: 0, role: "application", "aria-label": `3D view. ${KEYS}` });
-  const scale = h("canvas", { class: "scale", width: 200, height: 1, "aria-hidden": "true" });
-  const [low, high, what] = [h("span", {}), h("span", {}), h("span", { class: "what" })];
-  const legend = h("div", { class: "legend3d", hidden: true }, what, scale, h("div", { class: "ends" }, low, high));
+  const colored = legend();
+  const triad = axes();
   const note = h("p", { class: "note stage-note", role: "status" }, "The view comes with the first frame.");
   const errors = h("div", { role: "alert" });
   const play = h("button", { type: "button", onclick: () => setPlaying(!playing) }, "Play");
@@ -41,6 +44,16 @@ export function viewer(main, id, signal) {
   );
   const colors = h("select", { id: "field", onchange: recolor });
   const size = h("input", { type: "range", id: "size", min: -2, max: 2, step: 0.1, value: "0", oninput: resize });
+  const style = h(
+    "select",
+    { id: "colliders", onchange: restyle },
+    [
+      ["solid", "solid"],
+      ["through", "see-through"],
+      ["hidden", "hidden"],
+    ].map(([value, label]) => h("option", { value }, label)),
+  );
+  const styled = h("label", { hidden: true }, "Colliders ", style);
   const direction = (name, azimuth, elevation) =>
     h("button", { type: "button", onclick: () => (scene3d?.fit(azimuth, elevation), draw()) }, name);
 
@@ -57,7 +70,7 @@ export function viewer(main, id, signal) {
     h(
       "div",
       { class: "viewer" },
-      h("div", { class: "stage" }, canvas, legend, note),
+      h("div", { class: "stage" }, canvas, colored.element, triad.element, note),
       h(
         "div",
         { class: "controls timeline" },
@@ -74,6 +87,7 @@ export function viewer(main, id, signal) {
         h("label", {}, "Colour ", colors),
         h("label", {}, "Speed ", speed),
         h("label", {}, "Point size ", size),
+        styled,
         h("div", { class: "actions", role: "group", "aria-label": "Directions" }, direction("All"), sides),
       ),
       h("p", { class: "note" }, "Drag to turn, drag with Shift or two fingers to move, wheel or pinch to zoom. ", KEYS),
@@ -101,8 +115,9 @@ export function viewer(main, id, signal) {
       while (wanted !== null) {
         const next = wanted;
         wanted = null;
-        const points = await frames.get(next, field);
+        const [points, placed] = await Promise.all([frames.get(next, field), solids.at(next)]);
         if (signal.aborted) return;
+        place(placed);
         show(points);
       }
       errors.replaceChildren();
@@ -113,9 +128,20 @@ export function viewer(main, id, signal) {
     }
   }
 
+  /** The colliders of the frame, and the domain as it is simulated. */
+  function place({ domain: box, solids: list }) {
+    const { flat, bounds } = scene3d;
+    const corners = box ? [box.min, box.max].map((at) => (flat ? [at[0], at[1], 0] : at)) : bounds;
+    if (bounds.flat().some((x, k) => x !== corners.flat()[k])) scene3d.setBounds(...corners, flat);
+    scene3d.solids = list;
+    styled.hidden &&= !list.length;
+  }
+
   function show(points) {
     at = points.frame;
-    if (points.values && Number.isFinite(points.range[0])) {
+    if (field === "body") {
+      range = [-0.5, bodies.length - 0.5];
+    } else if (points.values && Number.isFinite(points.range[0])) {
       range = range ? [Math.min(range[0], points.range[0]), Math.max(range[1], points.range[1])] : [...points.range];
     }
     scene3d.range = range ?? [0, 1];
@@ -126,11 +152,9 @@ export function viewer(main, id, signal) {
     const shares = points.n < points.recorded ? ` of ${count(points.recorded)}` : "";
     text(said, `frame ${at} of ${total - 1}, ${number(points.time)} s, ${count(points.n)}${shares} points`);
     scrub.setAttribute("aria-valuetext", `frame ${at}, ${number(points.time)} s`);
-    legend.hidden = !points.values;
-    if (points.values && range) {
-      text(low, quantity(range[0], units[field]));
-      text(high, quantity(range[1], units[field]));
-    }
+    if (!points.values || !range) colored.hide();
+    else if (field === "body") colored.bodies(bodies, range);
+    else colored.scale(field.replaceAll("_", " "), range, units[field]);
   }
 
   function step(by) {
@@ -155,7 +179,7 @@ export function viewer(main, id, signal) {
       if (at + 1 < total) {
         go(at + 1);
         // The next one is on its way while this one is drawn.
-        if (at + 2 < total) frames.get(at + 2, field).catch(() => {});
+        if (at + 2 < total) Promise.all([frames.get(at + 2, field), solids.at(at + 2)]).catch(() => {});
       } else if (hasEnded(job)) {
         go(0);
       }
@@ -166,8 +190,13 @@ export function viewer(main, id, signal) {
   function recolor() {
     field = colors.value;
     range = null;
-    text(what, field.replace("_", " "));
     go(at < 0 ? 0 : at);
+  }
+
+  function restyle() {
+    if (!scene3d) return;
+    scene3d.style = style.value;
+    draw();
   }
 
   function resize() {
@@ -183,16 +212,16 @@ export function viewer(main, id, signal) {
     if (!(field in units)) field = "";
     const options = list.fields.map(({ name, unit }) => [
       name,
-      name.replace("_", " ") + (unit && unit !== "1" ? ` (${unit})` : ""),
+      name.replaceAll("_", " ") + (unit && unit !== "1" ? ` (${unit})` : ""),
     ]);
     colors.replaceChildren(...[...options, ["", "as recorded"]].map(([value, label]) => h("option", { value }, label)));
     colors.value = field;
-    text(what, field.replace("_", " "));
   }
 
   async function update(now) {
     if (job && job.status !== now.status) announce(`${now.name}: ${now.status}`);
     job = now;
+    scene3d.particles = job.particles;
     state.update(job);
     text(title, job.name);
     document.title = `${job.name}, 3D view · Gridfall`;
@@ -211,67 +240,6 @@ export function viewer(main, id, signal) {
     if (job.status === "queued") text(note, "The job waits in the queue. The view comes with the first frame.");
   }
 
-  function controls() {
-    const pointers = new Map();
-    canvas.addEventListener("pointerdown", (event) => {
-      canvas.setPointerCapture(event.pointerId);
-      pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
-    });
-    canvas.addEventListener("pointermove", (event) => {
-      const before = pointers.get(event.pointerId);
-      if (!before) return;
-      const now = [event.offsetX, event.offsetY];
-      const [dx, dy] = now.map((x, i) => x - before[i]);
-      const height = canvas.clientHeight;
-      if (pointers.size === 2) {
-        const [other] = [...pointers].filter(([key]) => key !== event.pointerId).map(([, place]) => place);
-        const apart = (place) => Math.hypot(place[0] - other[0], place[1] - other[1]) || 1;
-        scene3d.zoom(apart(before) / apart(now));
-        scene3d.pan(-dx / height / 2, dy / height / 2);
-      } else if (event.shiftKey || event.buttons === 2 || event.buttons === 4) {
-        scene3d.pan(-dx / height, dy / height);
-      } else {
-        scene3d.turn(-dx * 0.4, dy * 0.4);
-      }
-      pointers.set(event.pointerId, now);
-      draw();
-    });
-    const release = (event) => pointers.delete(event.pointerId);
-    canvas.addEventListener("pointerup", release);
-    canvas.addEventListener("pointercancel", release);
-    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-    canvas.addEventListener(
-      "wheel",
-      (event) => {
-        event.preventDefault();
-        scene3d.zoom(Math.exp(Math.sign(event.deltaY) * 0.1));
-        draw();
-      },
-      { passive: false },
-    );
-    canvas.addEventListener("keydown", (event) => {
-      const arrows = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-      const others = {
-        "+": () => scene3d.zoom(0.85),
-        "=": () => scene3d.zoom(0.85),
-        "-": () => scene3d.zoom(1.18),
-        Home: () => scene3d.fit(),
-        " ": () => setPlaying(!playing),
-        ",": () => step(-1),
-        ".": () => step(1),
-        f: () => ((following.checked = true), setPlaying(false), go(total - 1)),
-      };
-      const arrow = arrows[event.key];
-      if (event.ctrlKey || event.metaKey || event.altKey) return;
-      if (arrow && event.shiftKey) scene3d.pan(-0.05 * arrow[0], 0.05 * arrow[1]);
-      else if (arrow) scene3d.turn(6 * arrow[0], 6 * arrow[1]);
-      else if (others[event.key]) others[event.key]();
-      else return;
-      event.preventDefault();
-      draw();
-    });
-  }
-
   async function begin() {
     try {
       scene3d = new Scene3D(canvas);
@@ -279,14 +247,13 @@ export function viewer(main, id, signal) {
       text(note, error.message);
       return;
     }
-    const paint = scale.getContext("2d");
-    for (let x = 0; x < 200; x += 1) {
-      paint.fillStyle = `rgb(${viridis(x / 199)})`;
-      paint.fillRect(x, 0, 1, 1);
-    }
     const scene = await get(`/v1/jobs/${id}/scene`, signal);
     rate = scene.time.frame_rate ?? 24;
-    const { min, max, flat } = domain(scene);
+    const { min, max, flat, pitch } = domain(scene);
+    scene3d.pitch = pitch;
+    solids = new Solids(id, scene, signal);
+    bodies = [...scene.bodies, ...(scene.sources ?? [])].map(({ name }) => name);
+    scene3d.drawn = (camera) => triad.update({ ...camera, flat });
     // What is flat has one side to look at.
     sides.forEach((button) => (button.hidden = flat));
     const first = new ResizeObserver(() => {
@@ -296,7 +263,12 @@ export function viewer(main, id, signal) {
     scene3d.draw();
     scene3d.setBounds(min, max, flat);
     first.observe(canvas);
-    controls();
+    orbit(canvas, scene3d, draw, {
+      " ": () => setPlaying(!playing),
+      ",": () => step(-1),
+      ".": () => step(1),
+      f: () => ((following.checked = true), setPlaying(false), go(total - 1)),
+    });
     signal.addEventListener("abort", () => {
       first.disconnect();
       scene3d.close();

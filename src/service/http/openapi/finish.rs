@@ -52,13 +52,16 @@ const LINKS: &[(&str, &str, &str, &str, &[&str])] = &[
     ("/v1/jobs", "post", "202", "$response.body#/id", OF_JOB),
     ("/v1/jobs", "get", "200", "$response.body#/jobs/0/id", OF_JOB),
     ("/v1/jobs/{id}/cancel", "post", "202", "$response.body#/id", OF_JOB),
-    ("/v1/sweeps", "post", "202", "$response.body#/id", &["get_sweep", "cancel_sweep"]),
+    ("/v1/sweeps", "post", "202", "$response.body#/id", OF_SWEEP),
+    ("/v1/sweeps", "get", "200", "$response.body#/sweeps/0/id", OF_SWEEP),
     ("/v1/scenes", "post", "201", "$response.body#/id", &["get_scene"]),
     ("/v1/materials", "get", "200", "$response.body#/materials/0/name", &["get_material"]),
     ("/v1/assets", "put", "200", "$response.body#/id", &["get_asset"]),
     ("/v1/assets", "put", "201", "$response.body#/id", &["get_asset"]),
     ("/v1/assets", "get", "200", "$response.body#/assets/0/id", &["get_asset"]),
 ];
+
+const OF_SWEEP: &[&str] = &["get_sweep", "get_sweep_results", "cancel_sweep"];
 
 const OF_JOB: &[&str] = &[
     "get_job",
