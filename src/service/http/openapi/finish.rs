@@ -49,9 +49,9 @@ const REQUESTS: &[&str] = &["SubmitJob", "RerunJob", "SubmitSweep", "JobFilter",
 
 /// What answers lead to: where in them the id is that other operations take.
 const LINKS: &[(&str, &str, &str, &str, &[&str])] = &[
-    ("/v1/jobs", "post", "202", "$response.body#/id", OF_JOB),
+    ("/v1/jobs", "post", "202", "$response.body#/id", OF_NEW_JOB),
     ("/v1/jobs", "get", "200", "$response.body#/jobs/0/id", OF_JOB),
-    ("/v1/jobs/{id}/cancel", "post", "202", "$response.body#/id", OF_JOB),
+    ("/v1/jobs/{id}/cancel", "post", "202", "$response.body#/id", OF_NEW_JOB),
     ("/v1/sweeps", "post", "202", "$response.body#/id", OF_SWEEP),
     ("/v1/sweeps", "get", "200", "$response.body#/sweeps/0/id", OF_SWEEP),
     ("/v1/scenes", "post", "201", "$response.body#/id", &["get_scene"]),
@@ -62,6 +62,9 @@ const LINKS: &[(&str, &str, &str, &str, &[&str])] = &[
 ];
 
 const OF_SWEEP: &[&str] = &["get_sweep", "get_sweep_results", "cancel_sweep"];
+
+/// What a job has from the start. Its outputs come later, or never.
+const OF_NEW_JOB: &[&str] = &["get_job", "cancel_job", "delete_job", "get_job_scene"];
 
 const OF_JOB: &[&str] = &[
     "get_job",
