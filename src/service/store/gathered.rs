@@ -55,6 +55,7 @@ impl<Q: Send + Sync + 'static, A: Send + 'static> Gathered<Q, A> {
             let (gathered, store) = (self.clone(), store.clone());
             tokio::spawn(async move {
                 let _turn = gathered.turn.lock().await;
+                let _left = Left(&gathered);
                 while gathered.answer_some(&store, &all).await {}
             });
         }
@@ -102,6 +103,18 @@ impl<Q: Send + Sync + 'static, A: Send + 'static> Gathered<Q, A> {
     }
 }
 
+/// Gives up those that wait when whoever answers panics: nobody else would, and none that comes later would be the
+/// first.
+struct Left<'a, Q, A>(&'a Gathered<Q, A>);
+
+impl<Q, A> Drop for Left<'_, Q, A> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.waiting.lock().unwrap_or_else(PoisonError::into_inner).clear();
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::time::Duration;
@@ -119,6 +132,7 @@ mod tests {
         tokio::time::sleep(Duration::from_millis(20)).await;
         match batch.contains(&13) {
             true => Err(StoreError::Database(sqlx::Error::RowNotFound)),
+            false if batch.contains(&666) => panic!("planted"),
             false => Ok(batch.iter().map(|&request| (request, batch.len())).collect()),
         }
     }
@@ -153,5 +167,18 @@ mod tests {
         let (left, stays) = tokio::join!(leaves, gathered.answer(&store, 2, all));
         assert!(left.is_err());
         assert_eq!(stays.unwrap().0, 2);
+    }
+
+    #[tokio::test]
+    async fn a_panic_is_an_error_for_those_that_wait_and_for_nobody_after() {
+        let (_dir, store) = store().await;
+        let gathered = Gathered::default();
+        let waits = async {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+            gathered.answer(&store, 2, all).await
+        };
+        let (panics, waits) = tokio::join!(gathered.answer(&store, 666, all), waits);
+        assert!(panics.is_err() && waits.is_err());
+        assert_eq!(gathered.answer(&store, 3, all).await.unwrap(), (3, 1));
     }
 }
