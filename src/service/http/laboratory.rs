@@ -9,8 +9,8 @@ use utoipa::ToSchema;
 use super::dto;
 use super::extract::JsonBody;
 use super::openapi::PROBLEM;
-use super::problem::{Problem, internal};
-use super::scenes::permit;
+use super::problem::Problem;
+use super::scenes::by_judges;
 use super::state::Api;
 use gridfall_core::material::element::{self, Point, Programme, Refused, Stuck, Test, Wishes};
 use gridfall_scene::{self as scene, Fault};
@@ -102,13 +102,8 @@ pub async fn test(
     State(api): State<Api>,
     JsonBody(request, room): JsonBody<TestMaterial>,
 ) -> Result<Json<MaterialCurve>, Problem> {
-    let (permit, judges) = (permit(&api).await?, api.judges.clone());
-    let tested = tokio::task::spawn_blocking(move || {
-        // Held here: a client that disconnects does not make the work cheaper.
-        let (_permit, _room) = (permit, room);
-        judges.install(|| curve(&request))
-    });
-    tested.await.map_err(internal)?.map(Json).map_err(Problem::invalid_material)
+    let tested = by_judges(&api, room, move || curve(&request)).await?;
+    tested.map(Json).map_err(Problem::invalid_material)
 }
 
 fn curve(request: &TestMaterial) -> Result<MaterialCurve, Vec<Fault>> {

@@ -66,7 +66,6 @@ pub async fn judge<T: Send + 'static>(
         Some(id) => Some(last_state(api, id).await?),
         None => None,
     };
-    let permit = permit(api).await?;
     let limits = Limits { max_work: api.config.max_work, ..api.config.limits };
     let scenes = api.data.scenes();
     let (assets, counters, span) = (api.data.assets(), api.worker.counters.clone(), tracing::Span::current());
@@ -81,18 +80,31 @@ pub async fn judge<T: Send + 'static>(
         counters.stage("validate", started.elapsed());
         judged.map_err(Problem::invalid_scene)
     };
+    by_judges(api, room, move || {
+        let _span = span.entered();
+        judged()
+    })
+    .await?
+}
+
+/// Does work on the threads that judge scenes, a limited number of pieces at a time.
+pub async fn by_judges<T: Send + 'static>(
+    api: &Api,
+    room: Room,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, Problem> {
+    let permit = permit(api).await?;
     let (answer, answered) = oneshot::channel();
     // All of it on these threads: what is computed elsewhere waits for threads that a simulation keeps busy.
     api.judges.spawn(move || {
         // Held here and not by the request: a client that disconnects does not make the work
         // cheaper.
         let (_permit, _room) = (permit, room);
-        let _span = span.entered();
         // A client that has left needs no answer.
-        let _ = answer.send(judged());
+        let _ = answer.send(work());
     });
     // Without an answer where a judge panicked, which its log tells.
-    answered.await.map_err(internal)?
+    answered.await.map_err(internal)
 }
 
 /// Makes the last state of a job an asset, and returns its id.

@@ -23,7 +23,9 @@ use super::submission::{accepted, affordable, idempotency_key, prepare, sha256_h
 use super::tables::Summary;
 use crate::store::{self, Filter, NewJob, NewSweep, Status};
 
+/// Most jobs of a sweep.
 const MAX_JOBS: usize = 256;
+
 /// A request to run a scene with many values: each of `list` with each combination of `grid`.
 #[derive(Debug, Deserialize, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
