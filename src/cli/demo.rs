@@ -19,6 +19,7 @@ use super::talk::bar;
 use super::{CliError, interrupt};
 use gridfall_service::http::{self, Config, Options};
 use gridfall_service::jobs::Settings;
+use gridfall_service::jobs::Executor;
 use gridfall_service::jobs::retention::Keep;
 
 /// Embedded in the program, so that the demo works from any directory.
@@ -126,7 +127,7 @@ impl Server {
             keep: Keep::default(),
             config: Config::default(),
             checkpoint_every: Settings::default().checkpoint_every,
-            devices: vec![opener(device)],
+            executor: Executor::Local(vec![opener(device)]),
         };
         let (stop, stopped) = oneshot::channel();
         let (listening, address) = mpsc::channel();

@@ -46,6 +46,14 @@ enum Backend {
 }
 
 impl DeviceArguments {
+    /// The same as they are written.
+    pub fn arguments(&self) -> Vec<String> {
+        let backend = self.backend.to_possible_value().expect("all values can be written");
+        let mut arguments = vec!["--backend".into(), backend.get_name().to_owned()];
+        arguments.extend(self.adapter.iter().flat_map(|adapter| ["--adapter".into(), adapter.clone()]));
+        arguments
+    }
+
     pub fn choice(&self) -> Choice {
         match self.backend {
             Backend::Auto => Choice::Auto,

@@ -6,10 +6,12 @@ mod bench_implicit;
 mod check;
 mod demo;
 mod device;
+mod executor;
 mod export;
 mod frames;
 mod init;
 mod interrupt;
+mod logs;
 mod manual;
 mod material;
 mod render;
@@ -19,6 +21,7 @@ mod serve;
 mod surface;
 mod talk;
 mod verify;
+mod worker;
 
 use std::fmt;
 use std::process::ExitCode;
@@ -41,6 +44,7 @@ struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Serve(serve::Arguments),
+    Worker(worker::Arguments),
     Init(init::Arguments),
     Run(run::Arguments),
     Check(check::Arguments),
@@ -61,6 +65,7 @@ impl Command {
     fn execute(self) -> Result<(), CliError> {
         match self {
             Self::Serve(arguments) => serve::execute(arguments),
+            Self::Worker(arguments) => worker::execute(arguments),
             Self::Init(arguments) => init::execute(arguments),
             Self::Run(arguments) => run::execute(arguments),
             Self::Check(arguments) => check::execute(arguments),

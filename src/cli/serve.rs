@@ -1,15 +1,14 @@
 //! `gridfall serve`: the server.
 
-use std::io::IsTerminal;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::{Args, ValueEnum};
-use tracing_subscriber::EnvFilter;
+use clap::Args;
 
 use super::device::{DeviceArguments, ServerDevices};
-use super::talk::is_quiet;
+use super::executor::{ExecutorArguments, Home};
+use super::logs::LogArguments;
 use super::{CliError, interrupt};
 use gridfall_engine::choice::Devices;
 use gridfall_service::http::{self, Config, Options};
@@ -74,13 +73,6 @@ pub struct Arguments {
     /// Connections at a time; those beyond get 503 for all but health, metrics and cancel.
     #[arg(long, default_value_t = Config::default().max_connections, value_name = "N")]
     max_connections: usize,
-    /// How to log on standard error.
-    #[arg(long, value_enum, default_value_t = LogFormat::Text, env = "GRIDFALL_LOG_FORMAT")]
-    log_format: LogFormat,
-    /// What to log, such as `debug` or `warn,gridfall=info` [default: warn,gridfall=info,gridfall_service=info, with
-    /// --quiet warn].
-    #[arg(long, value_name = "FILTER", env = "GRIDFALL_LOG")]
-    log: Option<String>,
     /// Remove jobs and their files this many days after their end. Without, they are kept for ever.
     #[arg(long, value_name = "N", env = "GRIDFALL_KEEP_DAYS", value_parser = clap::value_parser!(u32).range(1..))]
     keep_days: Option<u32>,
@@ -88,11 +80,15 @@ pub struct Arguments {
     #[arg(long, value_name = "N", env = "GRIDFALL_KEEP_BYTES")]
     keep_bytes: Option<u64>,
     #[command(flatten)]
+    logs: LogArguments,
+    #[command(flatten)]
     devices: ServerDevices,
+    #[command(flatten)]
+    executor: ExecutorArguments,
 }
 
 pub fn execute(arguments: Arguments) -> Result<(), CliError> {
-    start_logs(&arguments)?;
+    arguments.logs.start()?;
     // Each connection and each download takes a file descriptor.
     if let Err(error) = rlimit::increase_nofile_limit(u64::MAX) {
         tracing::warn!(%error, "cannot raise the limit of open files");
@@ -101,6 +97,13 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         .start_handler(|_| yield_to_requests())
         .build_global()
         .map_err(|error| CliError::Failed(format!("cannot start threads: {error}")))?;
+    let runtime = runtime()?;
+    let home = Home {
+        data_dir: &arguments.data_dir,
+        database: arguments.database.as_deref(),
+        checkpoint_seconds: arguments.checkpoint_seconds,
+    };
+    let executor = runtime.block_on(arguments.executor.choose(arguments.devices, home))?;
     let options = Options {
         listen: arguments.listen,
         data_dir: arguments.data_dir,
@@ -121,9 +124,8 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
             ..Config::default()
         },
         checkpoint_every: Duration::from_secs_f64(arguments.checkpoint_seconds),
-        devices: arguments.devices.each().into_iter().map(opener).collect(),
+        executor,
     };
-    let runtime = runtime()?;
     let served = runtime.block_on(async {
         let shutdown = interrupt::requested().map_err(|error| CliError::Failed(error.to_string()))?;
         let listening = |address| println!("listening on http://{address}");
@@ -140,36 +142,11 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     served
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if (1e-3..=1e6).contains(&seconds) => Ok(seconds),
         _ => Err("give seconds between 0.001 and 1,000,000".into()),
     }
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum LogFormat {
-    /// Lines for people.
-    Text,
-    /// An object a line, for programs.
-    Json,
-}
-
-fn start_logs(arguments: &Arguments) -> Result<(), CliError> {
-    let usual = if is_quiet() { "warn" } else { "warn,gridfall=info,gridfall_service=info" };
-    let log = arguments.log.as_deref().unwrap_or(usual);
-    let filter = EnvFilter::try_new(log).map_err(|error| {
-        CliError::BadInput(format!("--log {log}: {error}; write a level such as `info`, or module=level"))
-    })?;
-    let logs = tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal());
-    match arguments.log_format {
-        LogFormat::Text => logs.init(),
-        LogFormat::Json => logs.json().flatten_event(true).with_current_span(true).with_span_list(false).init(),
-    }
-    Ok(())
 }
 
 /// An origin as browsers send it: scheme, host and, unless usual, port.

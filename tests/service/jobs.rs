@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Setup;
 use gridfall_engine::{Backend, Control, Engine, EngineError, FrameStats, StateError};
-use gridfall_service::jobs::{DeviceState, EngineSource, OpenDevices, Settings, Workers};
+use gridfall_service::jobs::{DeviceState, EngineSource, Executor, OpenDevices, Settings, Workers};
 use gridfall_service::store::{DataDir, Job, JobStore, MAX_DEATHS, NewJob, Status, Submission};
 use uuid::Uuid;
 
@@ -145,7 +145,7 @@ impl Bench {
             })
         };
         let open = (0..workers).map(|_| open()).collect();
-        let workers = Workers::start(store.clone(), data.clone(), settings, open).await.unwrap();
+        let workers = Workers::start(store.clone(), data.clone(), settings, Executor::Local(open)).await.unwrap();
         Self { _dir: dir, data, store, workers, opened }
     }
 

@@ -14,7 +14,7 @@ use super::connections;
 use super::router::router;
 use super::state::{Api, Config};
 use crate::jobs::retention::{self, Keep};
-use crate::jobs::{OpenDevices, Settings, Workers};
+use crate::jobs::{Executor, Settings, Workers};
 use crate::store::{DataDir, JobStore, StoreError};
 
 /// How long open connections may continue after shutdown was requested. Downloads are then cut off.
@@ -38,8 +38,7 @@ pub struct Options {
     pub config: Config,
     /// Wall time between checkpoints.
     pub checkpoint_every: Duration,
-    /// By worker.
-    pub devices: Vec<OpenDevices>,
+    pub executor: Executor,
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -96,7 +95,7 @@ pub async fn serve(
     listening: impl FnOnce(SocketAddr),
     shutdown: impl Future<Output = ()> + Send + 'static,
 ) -> Result<(), ServeError> {
-    let Options { listen, data_dir, database, insecure_no_auth, keep, config, checkpoint_every, devices } = options;
+    let Options { listen, data_dir, database, insecure_no_auth, keep, config, checkpoint_every, executor } = options;
     if !listen.ip().is_loopback() {
         if !insecure_no_auth {
             return Err(ServeError::OpenToStrangers(listen));
@@ -110,8 +109,8 @@ pub async fn serve(
     };
     let listener = TcpListener::bind(listen).await.map_err(|error| ServeError::Listen { address: listen, error })?;
     let address = listener.local_addr().map_err(ServeError::Serve)?;
-    let settings = Settings { limits: config.limits, checkpoint_every };
-    let workers = Workers::start(store.clone(), data.clone(), settings, devices).await?;
+    let settings = Settings { limits: config.limits, checkpoint_every, ..Settings::default() };
+    let workers = Workers::start(store.clone(), data.clone(), settings, executor).await?;
     let housekeeper = tokio::spawn(keep_house(store.clone(), data.clone(), keep));
     let api = Api::new(store.clone(), data, workers.shared(), config);
     let (config, app) = (api.config.clone(), router(api));

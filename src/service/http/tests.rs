@@ -21,7 +21,7 @@ async fn api(config: Config) -> (tempfile::TempDir, Api) {
     let dir = tempfile::tempdir().unwrap();
     let data = Arc::new(DataDir::open(dir.path()).unwrap());
     let store = JobStore::open(&data.database()).await.unwrap();
-    (dir, Api::new(store, data, Arc::new(jobs::Shared::new(1)), config))
+    (dir, Api::new(store, data, Arc::new(jobs::Shared::new(1, Duration::ZERO)), config))
 }
 
 /// Status, `Retry-After` and body.

@@ -50,7 +50,8 @@ impl From<Outcome> for Ending {
 /// Runs a claimed job. A panic of the engine becomes a failure.
 pub(super) fn run(context: &Context, claim: &Claim, files: &JobFiles, source: &dyn EngineSource) -> Ending {
     let watch = Arc::new(Watch::new(context.shared.clone()));
-    let beating = context.runtime.spawn(heartbeat(context.store.clone(), claim.clone(), watch.clone()));
+    let every = context.settings.heartbeat_every;
+    let beating = context.runtime.spawn(heartbeat(context.store.clone(), claim.clone(), watch.clone(), every));
     let ran = catch_unwind(AssertUnwindSafe(|| execute(context, claim, files, source, &watch)));
     watch.ended.notify_one();
     if let Err(error) = context.runtime.block_on(beating) {

@@ -1,10 +1,12 @@
-//! Running jobs: admission of scenes, and the workers, one a device, that take jobs from the store
-//! and run them to the end.
+//! Running jobs: admission of scenes; the workers, one a device, that take jobs from the store and run them to the end;
+//! and in the place of these a cluster's scheduler, which starts a process for each attempt.
 
 pub mod admission;
 mod attempt;
+pub mod cluster;
 mod counters;
 mod log;
+mod process;
 mod resume;
 pub mod retention;
 mod watch;
@@ -17,7 +19,8 @@ use tokio::sync::Notify;
 
 pub use attempt::panic_message;
 pub use counters::{Counters, StatusLabel};
-pub use worker::{Settings, Workers};
+pub use process::{Order, ProcessError, work_off};
+pub use worker::{Executor, Settings, Workers};
 
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Setup;
@@ -100,8 +103,6 @@ pub enum DeviceState {
     Stopped,
 }
 
-/// How long a run may take to reach the end of its frame, where it saves its state, when the server stops.
-const GRACE: Duration = Duration::from_secs(3);
 
 /// What the workers and the rest of the server share.
 #[derive(Debug)]
@@ -109,17 +110,21 @@ pub struct Shared {
     wake: Notify,
     /// When the workers were asked to stop.
     stop: OnceLock<Instant>,
+    /// How long a run may then take to reach the end of its frame, where it saves its state.
+    grace: Duration,
     /// By worker: the state of its devices, and those that are open.
     devices: Mutex<Vec<(DeviceState, Vec<Backend>)>>,
     pub counters: Counters,
 }
 
 impl Shared {
-    /// Of so many workers, whose devices are being opened.
-    pub fn new(workers: usize) -> Self {
+    /// Of so many workers, whose devices are being opened. Once they are asked to stop, their runs may take as long
+    /// as `grace` to reach the end of a frame, where they save their states.
+    pub fn new(workers: usize, grace: Duration) -> Self {
         Self {
             wake: Notify::new(),
             stop: OnceLock::new(),
+            grace,
             devices: Mutex::new(vec![(DeviceState::Opening, Vec::new()); workers]),
             counters: Counters::default(),
         }
@@ -174,7 +179,7 @@ impl Shared {
 
     /// Whether the frame at hand has had its time to end.
     fn must_stop(&self) -> bool {
-        self.stop.get().is_some_and(|since| since.elapsed() > GRACE)
+        self.stop.get().is_some_and(|since| since.elapsed() > self.grace)
     }
 
     fn set_device(&self, worker: usize, state: DeviceState) {

@@ -15,15 +15,13 @@ use gridfall_engine::Control;
 use gridfall_recording::checkpoint::Reached;
 use gridfall_recording::run::{FrameReport, Observer};
 
-/// How often progress is written and cancellation is checked.
-const HEARTBEAT: Duration = Duration::from_millis(250);
 /// Checkpoints take at most one part in so many of an attempt's time.
 const SPARING: u32 = 20;
 
 /// Writes progress and passes on requests to cancel, until the attempt has ended.
-pub(super) async fn heartbeat(store: JobStore, claim: Claim, watch: Arc<Watch>) {
+pub(super) async fn heartbeat(store: JobStore, claim: Claim, watch: Arc<Watch>, every: Duration) {
     loop {
-        let ended = timeout(HEARTBEAT, watch.ended.notified()).await.is_ok();
+        let ended = timeout(every, watch.ended.notified()).await.is_ok();
         match store.heartbeat(claim.id, claim.attempt, &watch.progress()).await {
             Ok(true) => {}
             Ok(false) => watch.canceled.store(true, Ordering::Relaxed),

@@ -9,6 +9,7 @@ use tokio::runtime::Handle;
 use tokio::time::timeout;
 
 use super::attempt::{self, Ending};
+use super::cluster::{Cluster, Dispatcher};
 use super::{DeviceState, EngineSource, OpenDevices, Shared, StatusLabel, log};
 use crate::store::{AttemptFiles, Claim, DataDir, JobStore, Outcome, Status, StoreError};
 use gridfall_recording as recording;
@@ -25,33 +26,65 @@ pub struct Settings {
     pub limits: Limits,
     /// Wall time between checkpoints.
     pub checkpoint_every: Duration,
+    /// How often progress is written and cancellation is checked.
+    pub heartbeat_every: Duration,
+    /// How long a run may take to reach the end of its frame, where it saves its state, when it is to stop.
+    pub grace: Duration,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { limits: Limits::default(), checkpoint_every: Duration::from_secs(30) }
+        Self {
+            limits: Limits::default(),
+            checkpoint_every: Duration::from_secs(30),
+            heartbeat_every: Duration::from_millis(250),
+            grace: Duration::from_secs(3),
+        }
     }
 }
 
-/// The running workers of a server.
+/// What runs the jobs of a server.
+pub enum Executor {
+    /// Threads of the server, with these devices.
+    Local(Vec<OpenDevices>),
+    /// A cluster's scheduler.
+    Cluster {
+        cluster: Arc<dyn Cluster>,
+        /// How often it is looked at.
+        every: Duration,
+        /// Jobs that it may hold at a time.
+        most: usize,
+    },
+}
+
+/// The running workers of a server, or what hands its jobs to a cluster.
 #[derive(Debug)]
 pub struct Workers {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
+    dispatcher: Option<tokio::task::JoinHandle<()>>,
 }
 
 impl Workers {
-    /// Cleans up what the previous server left behind, then starts taking jobs, with a worker for each
-    /// of `open`. Call inside a tokio runtime.
+    /// Cleans up what the previous server left behind, then starts taking jobs. Call inside a tokio runtime.
     pub async fn start(
         store: JobStore,
         data: Arc<DataDir>,
         settings: Settings,
-        open: Vec<OpenDevices>,
+        executor: Executor,
     ) -> Result<Self, StoreError> {
         let owner = data.owner()?;
         recover(&store, &data, &owner).await?;
-        let shared = Arc::new(Shared::new(open.len()));
+        let open = match executor {
+            Executor::Local(open) => open,
+            Executor::Cluster { cluster, every, most } => {
+                let shared = Arc::new(Shared::new(1, settings.grace));
+                let dispatcher = Dispatcher::new(store, data, shared.clone(), cluster, every, most);
+                let dispatcher = Some(tokio::spawn(dispatcher.run()));
+                return Ok(Self { shared, threads: Vec::new(), dispatcher });
+            }
+        };
+        let shared = Arc::new(Shared::new(open.len(), settings.grace));
         let context = Context { store, data, owner, settings, shared: shared.clone(), runtime: Handle::current() };
         let start = |(worker, open): (usize, OpenDevices)| {
             let context = context.clone();
@@ -63,7 +96,7 @@ impl Workers {
             thread.spawn(work).expect("the system has room for one more thread")
         };
         let threads = open.into_iter().enumerate().map(start).collect();
-        Ok(Self { shared, threads })
+        Ok(Self { shared, threads, dispatcher: None })
     }
 
     pub fn shared(&self) -> Arc<Shared> {
@@ -73,6 +106,10 @@ impl Workers {
     /// Makes the workers put back their jobs, and waits at most `patience` for them to end.
     pub async fn stop(self, patience: Duration) {
         self.shared.stop();
+        if let Some(dispatcher) = self.dispatcher {
+            // An offer that is not noted is made again, and one of both is taken.
+            dispatcher.abort();
+        }
         let join = || self.threads.into_iter().map(JoinHandle::join).filter(Result::is_err).count();
         match timeout(patience, tokio::task::spawn_blocking(join)).await {
             Ok(Ok(0)) => {}
@@ -175,7 +212,7 @@ impl Context {
     }
 
     /// Runs a claimed job and records how it ended.
-    fn run(&self, claim: &Claim, source: &dyn EngineSource) -> Afterwards {
+    pub fn run(&self, claim: &Claim, source: &dyn EngineSource) -> Afterwards {
         let _span = tracing::info_span!("attempt", job = %claim.id, attempt = claim.attempt).entered();
         tracing::info!("started");
         let started = Instant::now();
@@ -185,7 +222,9 @@ impl Context {
         if matches!(&ending, Ending::Finished { .. }) {
             keep_partial_recording(&files.attempt(claim.attempt));
         }
-        log::note(&files, &format!("attempt {}: {}", claim.attempt, ending.describe()));
+        // Before the end is known, so that whoever then reads the log finds it there.
+        let told = if self.holds(claim) { ending.describe() } else { "ended after the job was taken from it".into() };
+        log::note(&files, &format!("attempt {}: {told}", claim.attempt));
         let status = self.note(claim, &ending);
         tracing::info!(?ending, "ended");
         match status {
@@ -199,6 +238,14 @@ impl Context {
         match ending {
             Ending::Lost(_) | Ending::Finished { devices_suspect: true, .. } => Afterwards::ReopenDevices,
             _ => Afterwards::GoOn,
+        }
+    }
+
+    /// Whether the job is still this attempt's, as far as that can be known.
+    fn holds(&self, claim: &Claim) -> bool {
+        match self.runtime.block_on(self.store.get(claim.id)) {
+            Ok(job) => job.is_some_and(|job| job.status == Status::Running && job.attempt == claim.attempt),
+            Err(_) => true,
         }
     }
 
@@ -262,7 +309,7 @@ impl Context {
 
 /// What remains to be done after an attempt.
 #[derive(PartialEq, Eq)]
-enum Afterwards {
+pub(super) enum Afterwards {
     GoOn,
     ReopenDevices,
 }

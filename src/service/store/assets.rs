@@ -30,6 +30,11 @@ impl AssetFiles {
         Ok(Self { dir })
     }
 
+    /// The folder of a running server.
+    pub(super) fn at(dir: PathBuf) -> Self {
+        Self { dir }
+    }
+
     /// Stores the bytes. Returns false if they were there already.
     pub fn put(&self, bytes: &[u8], kind: &str) -> io::Result<(Asset, bool)> {
         let hex = hashed::name(bytes);

@@ -9,6 +9,14 @@ use gridfall_engine::Backend;
 
 const LEASE_US: i64 = LEASE.as_micros() as i64;
 
+/// What a claim sets: by the owner `$1`, until `$2`, at `$3`.
+pub(super) const CLAIMED: &str = "status = 'running', attempt = attempt + 1, owner = $1, lease_until = $2, \
+    started_at = CASE WHEN created_at > $3 THEN created_at ELSE $3 END, backend = NULL, \
+    sim_time_s = CASE WHEN checkpoint_frame IS NULL THEN 0.0 ELSE sim_time_s END, \
+    step = CASE WHEN checkpoint_frame IS NULL THEN 0 ELSE step END, \
+    frames_written = CASE WHEN checkpoint_frame IS NULL THEN 0 ELSE frames_written END, \
+    run_s = CASE WHEN checkpoint_frame IS NULL THEN 0.0 ELSE run_s END";
+
 /// A time before and a time after which the end of a lease shows that nobody holds the job.
 #[derive(Clone, Copy)]
 struct Overdue(i64, i64);
@@ -32,13 +40,7 @@ impl JobStore {
         self.fail_overdue().await?;
         let now = self.clock.now();
         let row: Option<ClaimRow> = sqlx::query_as(AssertSqlSafe(format!(
-            "UPDATE jobs SET status = 'running', attempt = attempt + 1, owner = $1, lease_until = $2, \
-               started_at = CASE WHEN created_at > $3 THEN created_at ELSE $3 END, backend = NULL, \
-               sim_time_s = CASE WHEN checkpoint_frame IS NULL THEN 0.0 ELSE sim_time_s END, \
-               step = CASE WHEN checkpoint_frame IS NULL THEN 0 ELSE step END, \
-               frames_written = CASE WHEN checkpoint_frame IS NULL THEN 0 ELSE frames_written END, \
-               run_s = CASE WHEN checkpoint_frame IS NULL THEN 0.0 ELSE run_s END \
-             WHERE seq = (SELECT seq FROM jobs WHERE status = 'queued' \
+            "UPDATE jobs SET {CLAIMED} WHERE seq = (SELECT seq FROM jobs WHERE status = 'queued' \
                AND (deadline IS NULL OR deadline >= $3 OR attempt > 0) ORDER BY priority DESC, seq LIMIT 1 {}) \
              RETURNING id, attempt, deaths, (SELECT scene FROM job_scenes WHERE job_scenes.seq = jobs.seq) AS scene",
             self.database.skip_locked()

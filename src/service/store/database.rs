@@ -17,8 +17,8 @@ const CONNECT_PATIENCE: Duration = Duration::from_secs(10);
 const ACQUIRE_PATIENCE: Duration = Duration::from_secs(10);
 /// Connections that read from SQLite.
 const READERS: u32 = 4;
-/// Connections to PostgreSQL.
-const CONNECTIONS: u32 = 8;
+/// Connections of a server to PostgreSQL.
+pub(super) const CONNECTIONS: u32 = 8;
 
 /// How SQLite's writer is set up. An accepted job survives a power failure, not only a crash. What a statement may have
 /// to undo is kept in memory: it would be written to a file that no crash needs. The log is carried over into the
@@ -53,10 +53,10 @@ impl Database {
         })
     }
 
-    /// Connects to `postgres://…` or `sqlite:PATH` and migrates the schema.
-    pub async fn url(url: &str) -> Result<Self> {
+    /// Connects to `postgres://…`, with at most so many connections, or `sqlite:PATH`, and migrates the schema.
+    pub async fn url(url: &str, connections: u32) -> Result<Self> {
         match url.split_once(':') {
-            Some(("postgres" | "postgresql", _)) => Self::postgres(url).await,
+            Some(("postgres" | "postgresql", _)) => Self::postgres(url, connections).await,
             Some(("sqlite", path)) => Self::file(Path::new(path.strip_prefix("//").unwrap_or(path))).await,
             Some((scheme, _)) if scheme.bytes().all(|byte| byte.is_ascii_alphanumeric()) => {
                 Err(StoreError::Url { fault: format!("{scheme:?} is no kind of database that Gridfall knows") })
@@ -83,7 +83,7 @@ impl Database {
         Ok(Self { dialect: Dialect::Sqlite, writer, reader })
     }
 
-    async fn postgres(url: &str) -> Result<Self> {
+    async fn postgres(url: &str, connections: u32) -> Result<Self> {
         install_default_drivers();
         // The error names no part of the URL, which may have the password in the wrong place.
         let options = AnyConnectOptions::from_str(url).map_err(|error| StoreError::Url {
@@ -99,7 +99,7 @@ impl Database {
             Ok(Err(error)) => return Err(unreachable(error.to_string())),
             Err(_) => return Err(unreachable(format!("no answer within {} s", CONNECT_PATIENCE.as_secs()))),
         }
-        let pool = AnyPoolOptions::new().max_connections(CONNECTIONS).acquire_timeout(ACQUIRE_PATIENCE);
+        let pool = AnyPoolOptions::new().max_connections(connections).acquire_timeout(ACQUIRE_PATIENCE);
         let pool = pool.connect_with(options.clone()).await?;
         sqlx::migrate!("store/migrations/postgres").run(&pool).await?;
         Ok(Self { dialect: Dialect::Postgres, writer: pool.clone(), reader: pool })

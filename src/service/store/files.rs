@@ -10,13 +10,13 @@ use uuid::Uuid;
 
 use super::{AssetFiles, SceneFiles, StoreError};
 
-/// A data directory, owned by this process for as long as the value lives.
+/// A data directory, owned by this process for as long as the value lives, or by the server whose worker it is.
 #[derive(Debug)]
 pub struct DataDir {
     root: PathBuf,
     assets: AssetFiles,
     scenes: SceneFiles,
-    _lock: File,
+    _lock: Option<File>,
 }
 
 impl DataDir {
@@ -29,11 +29,23 @@ impl DataDir {
             Ok(()) => {
                 let assets = AssetFiles::open(root.join("assets")).map_err(at)?;
                 let scenes = SceneFiles::open(root.join("scenes")).map_err(at)?;
-                Ok(Self { root: root.to_owned(), assets, scenes, _lock: lock })
+                Ok(Self { root: root.to_owned(), assets, scenes, _lock: Some(lock) })
             }
             Err(TryLockError::WouldBlock) => Err(StoreError::Locked { path: root.to_owned() }),
             Err(TryLockError::Error(error)) => Err(at(error)),
         }
+    }
+
+    /// The directory of a server, for a worker in a process of its own, on this machine or another.
+    pub fn join(root: &Path) -> Result<Self, StoreError> {
+        let at = |error| StoreError::Io { path: root.to_owned(), error };
+        fs::read_dir(root.join("jobs")).map_err(at)?;
+        let (assets, scenes) = (AssetFiles::at(root.join("assets")), SceneFiles::at(root.join("scenes")));
+        Ok(Self { root: root.to_owned(), assets, scenes, _lock: None })
+    }
+
+    pub fn root(&self) -> &Path {
+        &self.root
     }
 
     pub fn database(&self) -> PathBuf {

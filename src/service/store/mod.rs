@@ -15,6 +15,7 @@ mod groups;
 mod hashed;
 mod insertion;
 mod job;
+mod offers;
 mod requests;
 mod row;
 mod scenes;
@@ -30,10 +31,11 @@ pub use files::{AttemptFiles, DataDir, JobFiles};
 pub use filter::Filter;
 pub use groups::Sweep;
 pub use job::{Failure, Job, NewJob, NewSweep, Progress, Status};
+pub use offers::{Candidate, Offer, OfferEnd, Taken};
 pub use scenes::SceneFiles;
 
 use clock::Clock;
-use database::Database;
+use database::{CONNECTIONS, Database};
 use gathered::Gathered;
 use gridfall_recording::provenance;
 use submissions::NewSubmission;
@@ -135,7 +137,12 @@ impl JobStore {
 
     /// Opens the database of a URL, `postgres://…` or `sqlite:PATH`, and migrates its schema.
     pub async fn connect(url: &str) -> Result<Self> {
-        Ok(Self::on(Database::url(url).await?))
+        Ok(Self::on(Database::url(url, CONNECTIONS).await?))
+    }
+
+    /// The same for one job, of many that run on a cluster: with as few connections as possible.
+    pub async fn connect_sparingly(url: &str) -> Result<Self> {
+        Ok(Self::on(Database::url(url, 1).await?))
     }
 
     fn on(database: Database) -> Self {

@@ -21,6 +21,11 @@ impl SceneFiles {
         Ok(Self { dir })
     }
 
+    /// The folder of a running server.
+    pub(super) fn at(dir: PathBuf) -> Self {
+        Self { dir }
+    }
+
     /// Keeps a document. Returns its id, and false if it was there already.
     pub fn put(&self, document: &str) -> io::Result<(String, bool)> {
         let hex = hashed::name(document.as_bytes());

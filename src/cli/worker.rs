@@ -1,0 +1,87 @@
+//! `gridfall worker`: one attempt at a job of a server, in a process of its own.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use clap::Args;
+use uuid::Uuid;
+
+use super::device::DeviceArguments;
+use super::logs::LogArguments;
+use super::serve::{opener, positive, runtime};
+use super::{CliError, interrupt};
+use gridfall_service::jobs::{Order, ProcessError, Settings, work_off};
+use gridfall_service::store::{DataDir, JobStore, Status};
+
+/// How often progress is written. There may be many such processes.
+const HEARTBEAT: Duration = Duration::from_secs(1);
+/// How long a frame may take to end when the process is to stop. Schedulers kill after 30 s.
+const GRACE: Duration = Duration::from_secs(25);
+
+/// Run one attempt at a job of a server: what a server with --executor slurm has its cluster start. On SIGTERM the
+/// state is saved, and the job goes back into the queue.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// The job.
+    #[arg(long, value_name = "ID")]
+    job: Uuid,
+    /// The number of the attempt. Only one process can run it, and only if the attempt before it is over.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(i64).range(1..))]
+    attempt: i64,
+    /// What the scheduler calls this process.
+    #[arg(long, value_name = "NAME")]
+    cluster_job: String,
+    /// The server's data directory.
+    #[arg(long, value_name = "DIR", env = "GRIDFALL_DATA_DIR")]
+    data_dir: PathBuf,
+    /// The server's database: postgres://USER:PASSWORD@HOST/NAME. Other users of the machine can read command lines:
+    /// pass it by the environment.
+    #[arg(long, value_name = "URL", env = "GRIDFALL_DATABASE", hide_env_values = true)]
+    database: String,
+    /// Save the state this often (s).
+    #[arg(long, default_value_t = 30.0, value_name = "SECONDS", value_parser = positive)]
+    checkpoint_seconds: f64,
+    #[command(flatten)]
+    devices: DeviceArguments,
+    #[command(flatten)]
+    logs: LogArguments,
+}
+
+pub fn execute(arguments: Arguments) -> Result<(), CliError> {
+    arguments.logs.start()?;
+    let runtime = runtime()?;
+    let failed = |error: &dyn std::fmt::Display| CliError::Failed(error.to_string());
+    let status = runtime.block_on(async {
+        let stop = interrupt::requested().map_err(|error| failed(&error))?;
+        let data = DataDir::join(&arguments.data_dir).map_err(|error| failed(&error))?;
+        let store = JobStore::connect_sparingly(&arguments.database).await.map_err(|error| failed(&error))?;
+        let order = Order {
+            store,
+            data: Arc::new(data),
+            settings: Settings {
+                checkpoint_every: Duration::from_secs_f64(arguments.checkpoint_seconds),
+                heartbeat_every: HEARTBEAT,
+                grace: GRACE,
+                ..Settings::default()
+            },
+            devices: opener(arguments.devices),
+            job: arguments.job,
+            attempt: arguments.attempt,
+            cluster_job: arguments.cluster_job,
+        };
+        work_off(order, stop).await.map(Some).or_else(|error| match error {
+            // Another process has it, or nobody wants it any more.
+            ProcessError::NotNeeded(_) => {
+                tracing::warn!("{error}");
+                Ok(None)
+            }
+            error => Err(failed(&error)),
+        })
+    })?;
+    match status {
+        // So that the scheduler's record says so, too.
+        Some(Status::Failed) => Err(CliError::Failed(format!("job {} failed; see its log", arguments.job))),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,77 @@
+//! A cluster's scheduler in the place of the server's own workers.
+//!
+//! The job's row stays the truth. What the scheduler gets is an offer of one attempt; the process that it starts claims
+//! the job, renews the lease and ends the job, as a worker of the server does. The dispatcher makes offers, and looks
+//! what became of those that the scheduler had done with while the job had not.
+
+mod dispatch;
+mod slurm;
+
+use std::collections::HashMap;
+use std::path::PathBuf;
+use std::pin::Pin;
+
+pub use dispatch::Dispatcher;
+pub use slurm::{Slurm, SlurmOptions};
+
+use crate::store::Candidate;
+
+/// A request that was not met, with what the scheduler said.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct ClusterError(pub String);
+
+/// What became of an offer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum State {
+    /// It waits, runs or is about to end.
+    Alive,
+    /// Its process ended without an error.
+    Completed,
+    /// Its process ended with one, or was killed; the scheduler's word for it.
+    Failed(String),
+    /// Somebody canceled it there.
+    Canceled,
+    TimedOut,
+    /// It lost its place to another, or its node; the scheduler's word for it.
+    Displaced(String),
+}
+
+/// Attempts that are offered together. They differ in nothing that the scheduler sees.
+#[derive(Clone, Debug)]
+pub struct Batch {
+    /// By the number of the task. There is at least one.
+    pub jobs: Vec<Candidate>,
+    /// For people who look at the scheduler's list: the job's name, or that of the sweep.
+    pub name: String,
+    /// The id of the job, or of the sweep.
+    pub comment: String,
+    /// The longest wall time that was foretold for one of them (s).
+    pub estimate_s: f64,
+    /// The number of the attempt. Each gets more time than the one before.
+    pub attempt: i64,
+}
+
+/// The answer to a question to the scheduler.
+pub type Answer<'a, T> = Pin<Box<dyn Future<Output = Result<T, ClusterError>> + Send + 'a>>;
+
+/// A scheduler. All verbs may be repeated.
+pub trait Cluster: Send + Sync {
+    /// Its name, for people.
+    fn name(&self) -> &'static str;
+
+    /// Most jobs of one batch.
+    fn largest_batch(&self) -> usize;
+
+    /// Offers attempts. Returns the scheduler's name of each, in their order.
+    fn submit<'a>(&'a self, batch: &'a Batch) -> Answer<'a, Vec<String>>;
+
+    /// Ends what there is of these, running or not.
+    fn cancel<'a>(&'a self, jobs: &'a [String]) -> Answer<'a, ()>;
+
+    /// What became of these. Those that the scheduler does not know, or no longer, are left out.
+    fn observe<'a>(&'a self, jobs: &'a [String]) -> Answer<'a, HashMap<String, State>>;
+
+    /// The file with what the process of an offer wrote.
+    fn output(&self, job: &str) -> PathBuf;
+}

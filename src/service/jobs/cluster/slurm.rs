@@ -1,0 +1,364 @@
+//! Slurm, by the programs that its users have: `sbatch`, `squeue`, `scancel`, and `sacct` where there is accounting.
+
+use std::collections::HashMap;
+use std::ffi::OsStr;
+use std::path::PathBuf;
+use std::process::Stdio;
+use std::time::Duration;
+
+use tokio::io::AsyncWriteExt;
+use tokio::process::Command;
+use tokio::time::timeout;
+
+use super::{Answer, Batch, Cluster, ClusterError, State};
+
+/// How long one of Slurm's programs may take. They themselves wait for a controller that is away.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// Jobs of an array where Slurm does not say how many it takes.
+const USUAL_ARRAY: usize = 1000;
+/// The time of an attempt (min): at least so much, and so many times what was foretold. It is doubled for each attempt
+/// after the first, up to so often.
+const LEAST_MINUTES: f64 = 10.0;
+const TIMES_FORETOLD: f64 = 4.0;
+const DOUBLED: i64 = 6;
+/// Before the end of its time a process is told so long (s), to save its state.
+const WARNING_S: u32 = 60;
+/// Options of `sbatch` that are Gridfall's.
+const OWN: [&str; 9] =
+    ["--array", "--comment", "--export", "--job-name", "--output", "--parsable", "--requeue", "--signal", "--wrap"];
+
+/// How jobs are handed to Slurm.
+#[derive(Clone, Debug)]
+pub struct SlurmOptions {
+    /// The program that runs an attempt, the same on all nodes.
+    pub program: PathBuf,
+    /// The data directory, the same on all nodes.
+    pub data_dir: PathBuf,
+    /// URL of the job database. Processes get it by the environment.
+    pub database: String,
+    /// Arguments of the program, besides those that say what to run.
+    pub arguments: Vec<String>,
+    /// More options of `sbatch`, such as `--partition=gpu` or `--gres=gpu:1`.
+    pub sbatch: Vec<String>,
+}
+
+/// Slurm, as the user that the server runs as.
+#[derive(Debug)]
+pub struct Slurm {
+    options: SlurmOptions,
+    largest_array: usize,
+}
+
+impl Slurm {
+    /// Fails if an option is not for this, or Slurm's programs are not installed here. Its controller may be away.
+    pub async fn new(options: SlurmOptions) -> Result<Self, ClusterError> {
+        for option in &options.sbatch {
+            let name = option.split('=').next().unwrap_or_default();
+            if !name.starts_with("--") {
+                return Err(ClusterError(format!(
+                    "--sbatch {option:?} is no long option; write it as sbatch takes it, such as --sbatch=--gres=gpu:1"
+                )));
+            }
+            if OWN.contains(&name) {
+                return Err(ClusterError(format!("--sbatch {option:?}: Gridfall gives {name} itself; leave it out")));
+            }
+        }
+        std::fs::create_dir_all(outputs(&options))
+            .map_err(|error| ClusterError(format!("{}: {error}", outputs(&options).display())))?;
+        let largest_array = match ask("scontrol", ["show", "config"]).await {
+            Ok(config) => largest_array(&config).unwrap_or(USUAL_ARRAY),
+            Err(Refusal::NotThere(error)) => {
+                return Err(ClusterError(format!(
+                    "Slurm's programs are not to be found ({error}); install Slurm's client here and put it into PATH"
+                )));
+            }
+            Err(Refusal::Said(error)) => {
+                tracing::warn!(error, "Slurm's controller does not answer; jobs wait until it does");
+                USUAL_ARRAY
+            }
+        };
+        Ok(Self { options, largest_array })
+    }
+
+    /// What a shell of the cluster's runs.
+    fn script(&self, batch: &Batch) -> String {
+        let ids: Vec<String> = batch.jobs.iter().map(|job| job.id.to_string()).collect();
+        let mut program = vec![self.options.program.to_string_lossy().into_owned(), "worker".into()];
+        program.extend(self.options.arguments.iter().cloned());
+        let data_dir = self.options.data_dir.to_string_lossy().into_owned();
+        program.extend(["--data-dir".into(), data_dir, "--attempt".into(), batch.attempt.to_string()]);
+        let program = shlex::try_join(program.iter().map(String::as_str)).expect("no argument has a zero byte");
+        // Where processes are not confined to what their job was given, they keep to it all the same.
+        format!(
+            "#!/bin/sh\n\
+             set -- {}\n\
+             shift \"${{SLURM_ARRAY_TASK_ID:-0}}\"\n\
+             export RAYON_NUM_THREADS=\"${{RAYON_NUM_THREADS:-$SLURM_CPUS_ON_NODE}}\"\n\
+             exec {program} --job \"$1\" \
+             --cluster-job \"${{SLURM_ARRAY_JOB_ID:-$SLURM_JOB_ID}}${{SLURM_ARRAY_TASK_ID:+_$SLURM_ARRAY_TASK_ID}}\"\n",
+            ids.join(" ")
+        )
+    }
+
+    fn sbatch(&self, batch: &Batch) -> Vec<String> {
+        let is_array = batch.jobs.len() > 1;
+        // The file is named as the job is.
+        let output = outputs(&self.options).join(if is_array { "%A_%a.out" } else { "%A.out" });
+        let mut options = vec![
+            "--parsable".into(),
+            // The next attempt has a number of its own.
+            "--no-requeue".into(),
+            format!("--job-name=gridfall {}", printable(&batch.name)),
+            format!("--comment={}", batch.comment),
+            format!("--chdir={}", self.options.data_dir.display()),
+            format!("--output={}", output.display()),
+            format!("--time={}", minutes(batch)),
+            format!("--signal=B:TERM@{WARNING_S}"),
+        ];
+        if is_array {
+            options.push(format!("--array=0-{}", batch.jobs.len() - 1));
+        }
+        options.extend(self.options.sbatch.iter().cloned());
+        options
+    }
+}
+
+impl Cluster for Slurm {
+    fn name(&self) -> &'static str {
+        "Slurm"
+    }
+
+    fn largest_batch(&self) -> usize {
+        self.largest_array
+    }
+
+    fn submit<'a>(&'a self, batch: &'a Batch) -> Answer<'a, Vec<String>> {
+        Box::pin(async move {
+            let mut sbatch = Command::new("sbatch");
+            sbatch.args(self.sbatch(batch)).env("GRIDFALL_DATABASE", &self.options.database);
+            let said = run(sbatch, Some(self.script(batch))).await?;
+            let job = said.trim().split(';').next().unwrap_or_default();
+            if job.is_empty() || !job.bytes().all(|byte| byte.is_ascii_digit()) {
+                return Err(ClusterError(format!("sbatch said {said:?} where the number of a job was expected")));
+            }
+            Ok(match batch.jobs.len() {
+                1 => vec![job.to_owned()],
+                n => (0..n).map(|task| format!("{job}_{task}")).collect(),
+            })
+        })
+    }
+
+    fn cancel<'a>(&'a self, jobs: &'a [String]) -> Answer<'a, ()> {
+        Box::pin(async move {
+            // Those that have ended already are no fault.
+            ask("scancel", ["--quiet"].into_iter().chain(jobs.iter().map(String::as_str))).await?;
+            Ok(())
+        })
+    }
+
+    fn observe<'a>(&'a self, jobs: &'a [String]) -> Answer<'a, HashMap<String, State>> {
+        Box::pin(async move {
+            let said = ask("squeue", ["--me", "--noheader", "--array", "--states=all", "--format=%i|%T"]).await?;
+            let mut states = states(&said);
+            let gone: Vec<&str> = jobs.iter().filter(|&job| !states.contains_key(job)).map(String::as_str).collect();
+            if !gone.is_empty() {
+                // Where there is no accounting, nobody remembers them.
+                let list = format!("--jobs={}", gone.join(","));
+                let options = ["--noheader", "--allocations", "--parsable2", "--format=JobID,State", &list];
+                if let Ok(said) = ask("sacct", options).await {
+                    states.extend(self::states(&said));
+                }
+            }
+            Ok(states)
+        })
+    }
+
+    fn output(&self, job: &str) -> PathBuf {
+        outputs(&self.options).join(format!("{job}.out"))
+    }
+}
+
+/// The folder of what processes write.
+fn outputs(options: &SlurmOptions) -> PathBuf {
+    options.data_dir.join("cluster")
+}
+
+/// The time of an attempt.
+fn minutes(batch: &Batch) -> u64 {
+    let foretold = LEAST_MINUTES.max(TIMES_FORETOLD * batch.estimate_s / 60.0);
+    let doubled = (batch.attempt - 1).clamp(0, DOUBLED);
+    // About a year, where the foretold time makes no sense.
+    (foretold * f64::from(1 << doubled)).ceil().min(500_000.0) as u64
+}
+
+/// A name without what would disturb lists.
+fn printable(name: &str) -> String {
+    name.chars().filter(|c| !c.is_control() && *c != '|').take(80).collect()
+}
+
+/// Lines of `job|state`.
+fn states(said: &str) -> HashMap<String, State> {
+    let line = |line: &str| {
+        let (job, word) = line.trim().split_once('|')?;
+        Some((job.to_owned(), state(word)))
+    };
+    said.lines().filter_map(line).collect()
+}
+
+/// Slurm's words for what becomes of jobs, one by one.
+fn state(word: &str) -> State {
+    // "CANCELLED by 1000"
+    match word.split(' ').next().unwrap_or_default() {
+        "PENDING" | "CONFIGURING" | "RUNNING" | "SUSPENDED" | "STOPPED" | "SIGNALING" | "RESIZING" | "STAGE_OUT"
+        | "COMPLETING" | "REQUEUED" | "REQUEUE_FED" | "REQUEUE_HOLD" | "RESV_DEL_HOLD" | "SPECIAL_EXIT" => State::Alive,
+        "COMPLETED" => State::Completed,
+        "CANCELLED" => State::Canceled,
+        "TIMEOUT" => State::TimedOut,
+        "PREEMPTED" | "NODE_FAIL" | "BOOT_FAIL" | "REVOKED" => State::Displaced(word.into()),
+        // FAILED, OUT_OF_MEMORY, DEADLINE, LAUNCH_FAILED, RECONFIG_FAIL, and what later releases add.
+        _ => State::Failed(word.into()),
+    }
+}
+
+fn largest_array(config: &str) -> Option<usize> {
+    let value = config.lines().find_map(|line| line.trim().strip_prefix("MaxArraySize")?.trim().strip_prefix('='))?;
+    // Arrays can be forbidden.
+    value.trim().parse().ok().map(|size: usize| size.max(1))
+}
+
+/// Why a program of Slurm's gave no answer.
+enum Refusal {
+    /// It is not installed.
+    NotThere(String),
+    Said(String),
+}
+
+impl From<Refusal> for ClusterError {
+    fn from(refusal: Refusal) -> Self {
+        match refusal {
+            Refusal::NotThere(error) | Refusal::Said(error) => Self(error),
+        }
+    }
+}
+
+async fn ask(program: &str, arguments: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Result<String, Refusal> {
+    let mut command = Command::new(program);
+    command.args(arguments);
+    run(command, None).await
+}
+
+/// What a program says.
+async fn run(mut command: Command, input: Option<String>) -> Result<String, Refusal> {
+    let program = command.as_std().get_program().to_string_lossy().into_owned();
+    command.stdin(if input.is_some() { Stdio::piped() } else { Stdio::null() });
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).kill_on_drop(true);
+    let mut child = command.spawn().map_err(|error| Refusal::NotThere(format!("{program}: {error}")))?;
+    let answer = async {
+        if let (Some(input), Some(mut stdin)) = (input, child.stdin.take()) {
+            stdin.write_all(input.as_bytes()).await?;
+        }
+        child.wait_with_output().await
+    };
+    let output = match timeout(PATIENCE, answer).await {
+        Ok(Ok(output)) => output,
+        Ok(Err(error)) => return Err(Refusal::Said(format!("{program}: {error}"))),
+        Err(_) => return Err(Refusal::Said(format!("{program} gave no answer within {} s", PATIENCE.as_secs()))),
+    };
+    if output.status.success() {
+        Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+    } else {
+        let said = String::from_utf8_lossy(&output.stderr).trim().replace('\n', "; ");
+        Err(Refusal::Said(format!("{program}: {said}")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Candidate;
+    use uuid::Uuid;
+
+    fn slurm(sbatch: &[&str]) -> Slurm {
+        let options = SlurmOptions {
+            program: "/opt/grid fall/bin/gridfall".into(),
+            data_dir: "/shared/it's".into(),
+            database: "postgres://db/jobs".into(),
+            arguments: vec!["--backend".into(), "gpu".into()],
+            sbatch: sbatch.iter().map(|&option| option.into()).collect(),
+        };
+        Slurm { options, largest_array: 1000 }
+    }
+
+    fn batch(jobs: u128, attempt: i64, estimate_s: f64) -> Batch {
+        let job = |id| Candidate { id: Uuid::from_u128(id), attempt, name: "a".into(), sweep: None, estimate_s: None };
+        let (name, comment) = ("a|b\nc".into(), "id".into());
+        Batch { jobs: (0..jobs).map(job).collect(), name, comment, estimate_s, attempt }
+    }
+
+    #[test]
+    fn every_word_of_slurm_has_a_meaning() {
+        let said = "1|RUNNING\n2_0|COMPLETED\n2_1|CANCELLED by 1000\n3|NODE_FAIL\n4|OUT_OF_MEMORY\n5|TIMEOUT\n6|NEW\n";
+        let states = states(said);
+        assert_eq!(states.len(), 7);
+        assert_eq!(states["1"], State::Alive);
+        assert_eq!(states["2_0"], State::Completed);
+        assert_eq!(states["2_1"], State::Canceled);
+        assert_eq!(states["3"], State::Displaced("NODE_FAIL".into()));
+        assert_eq!(states["4"], State::Failed("OUT_OF_MEMORY".into()));
+        assert_eq!(states["5"], State::TimedOut);
+        assert_eq!(states["6"], State::Failed("NEW".into()));
+    }
+
+    #[test]
+    fn the_time_of_an_attempt_follows_what_was_foretold() {
+        assert_eq!(minutes(&batch(1, 1, 3.0)), 10);
+        assert_eq!(minutes(&batch(1, 1, 3600.0)), 240);
+        assert_eq!(minutes(&batch(1, 3, 3600.0)), 960);
+        assert_eq!(minutes(&batch(1, 99, f64::INFINITY)), 500_000);
+    }
+
+    #[test]
+    fn the_script_runs_the_task_of_its_number() {
+        let script = slurm(&[]).script(&batch(3, 2, 0.0));
+        // A shell reads the line as it is meant.
+        let shown = script.replace("exec '/opt/grid fall/bin/gridfall'", "printf '<%s>'");
+        assert_ne!(shown, script);
+        let shell = |environment: &[(&str, &str)]| {
+            let mut shell = std::process::Command::new("sh");
+            shell.args(["-c", &shown]).env_clear().envs(environment.iter().copied());
+            String::from_utf8(shell.output().unwrap().stdout).unwrap()
+        };
+        let head = "<worker><--backend><gpu><--data-dir></shared/it's><--attempt><2><--job>";
+        let task = shell(&[("SLURM_JOB_ID", "9"), ("SLURM_ARRAY_JOB_ID", "7"), ("SLURM_ARRAY_TASK_ID", "2")]);
+        assert_eq!(task, format!("{head}<{}><--cluster-job><7_2>", Uuid::from_u128(2)));
+        let alone = shell(&[("SLURM_JOB_ID", "9")]);
+        assert_eq!(alone, format!("{head}<{}><--cluster-job><9>", Uuid::from_u128(0)));
+    }
+
+    #[test]
+    fn sbatch_is_told_what_it_needs() {
+        let options = slurm(&["--gres=gpu:1", "--time=5"]).sbatch(&batch(3, 1, 0.0));
+        assert!(options.contains(&"--job-name=gridfall abc".into()), "{options:?}");
+        assert!(options.contains(&"--array=0-2".into()), "{options:?}");
+        assert!(options.contains(&"--output=/shared/it's/cluster/%A_%a.out".into()), "{options:?}");
+        assert_eq!(options[options.len() - 2..], ["--gres=gpu:1", "--time=5"], "what the operator says comes last");
+        assert!(!slurm(&[]).sbatch(&batch(1, 1, 0.0)).iter().any(|option| option.starts_with("--array")));
+    }
+
+    #[test]
+    fn the_size_of_arrays_is_read() {
+        assert_eq!(largest_array("MaxArraySize            = 1001\nMaxDBDMsgs = 1"), Some(1001));
+        assert_eq!(largest_array("MaxArraySize = 0"), Some(1));
+        assert_eq!(largest_array("nothing"), None);
+    }
+
+    #[tokio::test]
+    async fn options_that_are_gridfalls_are_refused() {
+        let said = |option: &'static str| async move {
+            let options = SlurmOptions { sbatch: vec![option.into()], ..slurm(&[]).options };
+            Slurm::new(options).await.unwrap_err().0
+        };
+        assert!(said("--array=1-3").await.contains("leave it out"));
+        assert!(said("-p gpu").await.contains("no long option"));
+    }
+}
