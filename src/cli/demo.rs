@@ -18,8 +18,8 @@ use super::serve::{opener, runtime};
 use super::talk::bar;
 use super::{CliError, interrupt};
 use gridfall_service::http::{self, Config, Options};
-use gridfall_service::jobs::Settings;
 use gridfall_service::jobs::Executor;
+use gridfall_service::jobs::Settings;
 use gridfall_service::jobs::retention::Keep;
 
 /// Embedded in the program, so that the demo works from any directory.

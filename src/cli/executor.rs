@@ -92,7 +92,8 @@ impl ExecutorArguments {
             arguments,
             sbatch: self.sbatch,
         };
-        let slurm = Slurm::new(options).await.map_err(|error| CliError::BadInput(format!("--executor slurm: {error}")))?;
+        let slurm =
+            Slurm::new(options).await.map_err(|error| CliError::BadInput(format!("--executor slurm: {error}")))?;
         Ok(Executor::Cluster {
             cluster: Arc::new(slurm),
             every: Duration::from_secs_f64(self.cluster_seconds),

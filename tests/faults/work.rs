@@ -62,11 +62,15 @@ pub fn outputs(server: &Server, job: &str) -> Vec<(&'static str, Vec<u8>)> {
 
 /// What the scenes leave, each run once on a server that nothing disturbs.
 pub fn undisturbed(dir: &Path) -> Vec<Vec<(&'static str, Vec<u8>)>> {
-    let server = Server::start(dir);
+    on(&Server::start(dir))
+}
+
+/// What they leave on a server.
+pub fn on(server: &Server) -> Vec<Vec<(&'static str, Vec<u8>)>> {
     let jobs: Vec<String> = scenes().into_iter().map(|scene| server.submit(scene)).collect();
     let of = |job: &String| {
         server.wait_for(job, "succeeded");
-        outputs(&server, job)
+        outputs(server, job)
     };
     jobs.iter().map(of).collect()
 }

@@ -131,6 +131,10 @@ pub struct Job {
     /// What the attempt runs on; null before it has started.
     #[schema(required)]
     pub backend: Option<Backend>,
+    /// What the cluster's scheduler calls the job's last attempt, such as the number of a Slurm job; null where the
+    /// server runs jobs itself.
+    #[schema(required)]
+    pub cluster_job: Option<String>,
     #[schema(required)]
     pub failure: Option<Failure>,
 }
@@ -377,6 +381,7 @@ impl From<store::Job> for Job {
             integrator_reason: job.integrator_reason,
             notices: job.notices.into_iter().map(Notice::from).collect(),
             backend: job.backend.map(Into::into),
+            cluster_job: job.cluster_job,
             failure: job.failure.map(Into::into),
         }
     }

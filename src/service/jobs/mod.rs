@@ -103,7 +103,6 @@ pub enum DeviceState {
     Stopped,
 }
 
-
 /// What the workers and the rest of the server share.
 #[derive(Debug)]
 pub struct Shared {

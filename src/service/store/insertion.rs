@@ -118,6 +118,7 @@ fn queued(new: &NewJob, seq: i64, id: Uuid, sweep: Option<Uuid>, now: i64) -> sq
         notices: new.notices.clone(),
         progress: Progress::default(),
         backend: None,
+        cluster_job: None,
         failure: None,
     })
 }

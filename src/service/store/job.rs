@@ -166,5 +166,7 @@ pub struct Job {
     pub notices: Vec<Notice>,
     pub progress: Progress,
     pub backend: Option<Backend>,
+    /// What a cluster's scheduler calls the last attempt that it was offered.
+    pub cluster_job: Option<String>,
     pub failure: Option<Failure>,
 }

@@ -37,6 +37,8 @@ pub struct Offer {
     pub status: Status,
     /// Whether the attempt has begun. If the job waits all the same, the attempt is over.
     pub claimed: bool,
+    /// Whether the lease of the last attempt that has begun is over.
+    pub expired: bool,
     pub cancel_requested: bool,
     /// When the job ended (µs since the Unix epoch).
     pub finished_at: Option<i64>,
@@ -100,9 +102,11 @@ impl JobStore {
     /// The attempts of which the scheduler may still have something.
     pub async fn offers(&self) -> Result<Vec<Offer>> {
         let rows: Vec<OfferRow> = sqlx::query_as(
-            "SELECT id, attempt, offered_attempt, cluster_job, status, cancel_requested, finished_at FROM jobs \
+            "SELECT id, attempt, offered_attempt, cluster_job, status, cancel_requested, finished_at, \
+               CASE WHEN lease_until < $1 THEN CAST(1 AS BIGINT) ELSE 0 END AS expired FROM jobs \
              WHERE offered_attempt IS NOT NULL ORDER BY seq",
         )
+        .bind(self.clock.now())
         .fetch_all(&self.database.reader)
         .await?;
         Ok(rows.into_iter().map(|row| row.0).collect())
@@ -203,6 +207,7 @@ impl FromRow<'_, AnyRow> for OfferRow {
             cluster_job: row.try_get("cluster_job")?,
             status: known(row.try_get("status")?),
             claimed: row.try_get::<i64, _>("attempt")? == attempt,
+            expired: row.try_get::<i64, _>("expired")? != 0,
             cancel_requested: row.try_get::<i64, _>("cancel_requested")? != 0,
             finished_at: row.try_get("finished_at")?,
         }))

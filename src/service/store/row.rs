@@ -13,7 +13,7 @@ use super::{Claim, Failure, Job, Progress};
 pub(super) const COLUMNS: &str = "jobs.seq, jobs.id, name, status, created_at, started_at, finished_at, attempt, \
     deaths, checkpoint_frame, cancel_requested, particles, frames, end_time_s, sim_time_s, step, frames_written, \
     run_s, integrator, integrator_reason, notices, backend, failure_code, failure_message, priority, tags, deadline, \
-    estimate_s, sweep, sweep_values";
+    estimate_s, sweep, sweep_values, cluster_job";
 
 /// `SELECT` of jobs, followed by the given clauses, which hold no text of a client.
 pub(super) fn select_jobs(clauses: &str) -> AssertSqlSafe<String> {
@@ -63,6 +63,7 @@ impl FromRow<'_, AnyRow> for JobRow {
                 .map(|json| serde_json::from_str(&json))
                 .transpose()
                 .map_err(decode)?,
+            cluster_job: row.try_get("cluster_job")?,
             failure: failure_code.zip(failure_message).map(|(code, message)| Failure { code, message }),
         }))
     }

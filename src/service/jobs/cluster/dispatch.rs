@@ -12,6 +12,8 @@ use super::{Batch, Cluster, ClusterError, State};
 use crate::jobs::{DeviceState, Shared, StatusLabel, log};
 use crate::store::{Candidate, DataDir, Failure, JobStore, Offer, OfferEnd, Status, StoreError};
 
+/// How long jobs that come together are gathered.
+const GATHER: Duration = Duration::from_millis(250);
 /// How long a process may take to end after its job.
 const LINGER: Duration = Duration::from_secs(60);
 /// Last bytes of a process's output that a failure quotes.
@@ -83,9 +85,13 @@ impl Dispatcher {
         for offer in &offers {
             match states.get(&offer.cluster_job) {
                 Some(State::Alive) => {
-                    held += 1;
                     if is_unwanted(offer) {
                         unwanted.push(offer.cluster_job.clone());
+                    }
+                    if is_lost(offer) {
+                        self.settle(offer, None).await?;
+                    } else {
+                        held += 1;
                     }
                 }
                 state => self.settle(offer, state).await?,
@@ -110,6 +116,7 @@ impl Dispatcher {
                 OfferEnd::Canceled => "somebody canceled it there".into(),
                 OfferEnd::Interrupted => match state {
                     Some(State::Displaced(word)) => word.clone(),
+                    _ if is_lost(offer) => "nothing was heard of it for too long".into(),
                     _ => "it put the job back".into(),
                 },
                 OfferEnd::TimedOut(failure) | OfferEnd::Died(failure) => failure.message.clone(),
@@ -180,20 +187,23 @@ impl Dispatcher {
     }
 }
 
-/// How long jobs that come together are gathered.
-const GATHER: Duration = Duration::from_millis(250);
-
 /// Whether nobody needs any more what the scheduler still has of an offer.
 fn is_unwanted(offer: &Offer) -> bool {
     match offer.status {
-        Status::Queued => false,
+        Status::Queued => is_lost(offer),
         Status::Running => offer.cancel_requested || !offer.claimed,
         // Its process is about to end.
-        _ if offer.claimed => offer.finished_at.is_some_and(|at| {
-            Timestamp::now().as_microsecond().saturating_sub(at) > LINGER.as_micros() as i64
-        }),
+        _ if offer.claimed => offer
+            .finished_at
+            .is_some_and(|at| Timestamp::now().as_microsecond().saturating_sub(at) > LINGER.as_micros() as i64),
         _ => true,
     }
+}
+
+/// Whether the scheduler holds a process of which nothing was heard for too long. One that has put its job back is to
+/// end in the time of a lease, and the scheduler to tell why.
+fn is_lost(offer: &Offer) -> bool {
+    offer.status == Status::Queued && offer.claimed && offer.expired
 }
 
 /// Groups the first attempts at the jobs of a sweep; all others stand alone. Their order stays that of the first of

@@ -1,0 +1,100 @@
+//! `kill -9` of processes, the server, and Slurm's daemons, again and again.
+
+use std::process::Command;
+use std::thread::sleep;
+use std::time::Duration;
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::slurm::Slurm;
+use super::support::Server;
+use super::work::{compare, scenes};
+use super::{postgres, serve, undisturbed};
+
+/// Jobs that wait or run at any time.
+const LOAD: usize = 4;
+
+fn kills() -> usize {
+    std::env::var("GRIDFALL_KILLS").map_or(3, |kills| kills.parse().expect("GRIDFALL_KILLS is a number"))
+}
+
+/// Kills one of the processes that run attempts. Returns false if there is none.
+fn kill_a_process(rng: &mut ChaCha8Rng, data_dir: &str) -> bool {
+    let found = Command::new("pgrep").args(["-f", &format!("worker.*{data_dir}")]).output().unwrap().stdout;
+    let found = String::from_utf8(found).unwrap();
+    let processes: Vec<&str> = found.lines().collect();
+    if processes.is_empty() {
+        return false;
+    }
+    let process = processes[rng.random_range(0..processes.len())];
+    // It may have ended by itself.
+    Command::new("kill").args(["-KILL", process]).stderr(std::process::Stdio::null()).status().unwrap().success()
+}
+
+#[test]
+fn jobs_survive_kills_of_everything() {
+    let (mut rng, kills) = (ChaCha8Rng::seed_from_u64(17), kills());
+    println!("seed 17, {kills} kills of each part");
+    let (slurm, dir) = (Slurm::start(), tempfile::tempdir().unwrap());
+    let expected = undisturbed(&dir.path().join("undisturbed"));
+    let (data_dir, database) = (dir.path().join("killed"), postgres::shared().database());
+    let start = || serve(&slurm, &data_dir, &database, &[]);
+    let mut server = start();
+    let mut jobs: Vec<(String, usize)> = Vec::new();
+    let mut killed = [0; 4];
+    while let Some(part) = killed.iter().position(|&n| n < kills) {
+        // Each in turn, so that what one leaves meets the death of the next.
+        let part = (0..4).min_by_key(|&part| killed[part]).unwrap_or(part);
+        let open = jobs.iter().filter(|(job, _)| is_open(&server, job)).count();
+        for _ in open..LOAD {
+            let kind = jobs.len() % scenes().len();
+            jobs.push((server.submit(scenes()[kind].clone()), kind));
+        }
+        sleep(Duration::from_millis(rng.random_range(300..1500)));
+        // A controller that comes back finds jobs on the node of which it does not know, and takes it out of service.
+        slurm.heal();
+        let away = Duration::from_millis(rng.random_range(0..1500));
+        let done = match part {
+            0 => kill_a_process(&mut rng, &data_dir.display().to_string()),
+            1 => {
+                server.kill();
+                sleep(away);
+                server = start();
+                true
+            }
+            2 => {
+                slurm.kill_node();
+                sleep(away);
+                slurm.start_node();
+                true
+            }
+            _ => {
+                slurm.kill_controller();
+                sleep(away);
+                slurm.start_controller();
+                true
+            }
+        };
+        killed[part] += usize::from(done);
+    }
+    while jobs.iter().any(|(job, _)| is_open(&server, job)) {
+        slurm.heal();
+        sleep(Duration::from_secs(1));
+    }
+    let mut attempts = 0;
+    let mut resumed = 0;
+    for (job, kind) in &jobs {
+        let ended = server.wait_for(job, "succeeded");
+        let attempt = ended["attempt"].as_u64().unwrap();
+        attempts += attempt;
+        resumed += u64::from(attempt > 1);
+        compare(&server, job, &expected[*kind]);
+    }
+    println!("{} jobs in {attempts} attempts, {resumed} of them with more than one", jobs.len());
+    assert!(resumed > 0, "no kill hit a job");
+}
+
+fn is_open(server: &Server, job: &str) -> bool {
+    ["queued", "running"].contains(&server.job(job)["status"].as_str().unwrap())
+}
