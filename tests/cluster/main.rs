@@ -34,12 +34,17 @@ fn serve(slurm: &Slurm, data_dir: &Path, database: &str, more: &[&str]) -> Serve
     Server::launch(command, data_dir, &arguments, Stdio::inherit())
 }
 
-/// What the scenes leave on a server that runs them itself, and has one processor, as Slurm gives one to each job.
-/// Recordings tell on what they were made.
-fn undisturbed(dir: &Path) -> Vec<Vec<(&'static str, Vec<u8>)>> {
+/// A server that runs jobs itself, and has one processor, as Slurm gives one to each job: recordings tell on what they
+/// were made.
+fn serve_alone(data_dir: &Path, more: &[&str]) -> Server {
     let mut command = Command::new(env!("CARGO_BIN_EXE_gridfall"));
     command.env("RAYON_NUM_THREADS", "1").env("GRIDFALL_LOG", "warn");
-    work::on(&Server::launch(command, dir, &[], Stdio::inherit()))
+    Server::launch(command, data_dir, more, Stdio::inherit())
+}
+
+/// What the scenes leave when nothing disturbs them.
+fn undisturbed(dir: &Path) -> Vec<Vec<(&'static str, Vec<u8>)>> {
+    work::on(&serve_alone(dir, &[]))
 }
 
 /// Slurm's name of a job's last attempt.

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::support::{self, Server};
 use super::work::{compare, outputs, scenes};
-use super::{cluster_job, postgres, serve, slurm, undisturbed};
+use super::{cluster_job, postgres, serve, serve_alone, slurm, undisturbed};
 
 /// Waits until Slurm has the job.
 fn in_slurm(server: &Server, job: &str) -> String {
@@ -152,7 +152,8 @@ fn a_job_that_loses_its_place_goes_on_from_where_it_was() {
 #[test]
 fn a_process_that_has_lost_its_job_changes_nothing() {
     let (slurm, dir) = (slurm::shared(), tempfile::tempdir().unwrap());
-    let server = serve(slurm, dir.path(), &postgres::shared().database(), &[]);
+    let database = postgres::shared().database();
+    let server = serve(slurm, dir.path(), &database, &[]);
     let calm = server.submit(long());
     server.wait_for(&calm, "succeeded");
     let expected = outputs(&server, &calm);
@@ -162,14 +163,38 @@ fn a_process_that_has_lost_its_job_changes_nothing() {
     let id = job.rsplit('/').next().unwrap();
     let signal = |signal: &str| {
         let sent = Command::new("pkill").args([signal, "-f", &format!("worker.*--attempt 1 --job {id}")]).status();
-        assert!(sent.unwrap().success());
+        sent.unwrap().success()
     };
-    // To everybody else it is as if its node had died.
-    signal("-STOP");
+    // To everybody else it is as if its node had died; and a server that runs jobs itself cannot end it.
+    assert!(signal("-STOP"));
+    server.terminate();
+    let server = serve_alone(dir.path(), &["--database", &database]);
     server.wait_until(&job, "a second attempt", |job| job["attempt"] == 2);
-    signal("-CONT");
+    assert!(signal("-CONT"));
     server.wait_for(&job, "succeeded");
     compare(&server, &job, &expected);
+    for _ in 0..100 {
+        if log(&server, &job).contains("attempt 1: ended after the job was taken from it") {
+            compare(&server, &job, &expected);
+            return;
+        }
+        sleep(Duration::from_millis(100));
+    }
+    panic!("the process goes on: {}", log(&server, &job));
+}
+
+#[test]
+fn a_process_that_hangs_is_ended_and_another_goes_on() {
+    let (slurm, dir) = (slurm::shared(), tempfile::tempdir().unwrap());
+    let server = serve(slurm, dir.path(), &postgres::shared().database(), &[]);
+    let job = server.submit(long());
+    with_checkpoint(&server, &job);
+    let (id, first) = (job.rsplit('/').next().unwrap(), cluster_job(&server.job(&job)));
+    let stopped = Command::new("pkill").args(["-STOP", "-f", &format!("worker.*--attempt 1 --job {id}")]).status();
+    assert!(stopped.unwrap().success());
+    assert_eq!(server.wait_for(&job, "succeeded")["attempt"], 2);
+    assert!(log(&server, &job).contains("nothing was heard of it for too long"), "{}", log(&server, &job));
+    slurm.wait_for(&first, "CANCELLED");
 }
 
 #[test]
