@@ -3,6 +3,8 @@
 //!
 //! `GRIDFALL_KILLS` sets how often each part is killed (3 by default).
 
+#[path = "../common/guide.rs"]
+mod guide;
 #[path = "../common/postgres.rs"]
 mod postgres;
 #[path = "../common/slurm.rs"]

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::support::{self, Server};
 use super::work::{compare, outputs, scenes};
-use super::{cluster_job, postgres, serve, serve_alone, slurm, undisturbed};
+use super::{cluster_job, guide, postgres, serve, serve_alone, slurm, undisturbed};
 
 /// Waits until Slurm has the job.
 fn in_slurm(server: &Server, job: &str) -> String {
@@ -281,4 +281,15 @@ fn a_server_says_what_it_lacks_for_slurm() {
     assert!(said(&["--sbatch=--gres=gpu:1"]).contains("add --executor slurm"));
     assert!(slurm_on("--adapter=a,b").contains("give --adapter once at most"));
     assert!(slurm_on("--sbatch=--array=1").contains("leave it out"));
+}
+
+#[test]
+fn the_commands_of_the_guide_run() {
+    let package = tempfile::tempdir().unwrap();
+    guide::install_package(package.path());
+    let (_, blocks) = guide::pages().into_iter().find(|(name, _)| name == "cluster").expect("there is such a page");
+    let (slurm, database) = (slurm::shared(), postgres::shared().database());
+    let environment = [("SLURM_CONF", slurm.configuration()), ("GRIDFALL_DATABASE", database)];
+    let environment = environment.each_ref().map(|(name, value)| (*name, value.as_str()));
+    assert!(guide::run("cluster", &blocks, package.path(), &environment));
 }

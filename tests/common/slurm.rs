@@ -110,10 +110,15 @@ impl Slurm {
         }
     }
 
+    /// The file by which Slurm's programs find this cluster.
+    pub fn configuration(&self) -> String {
+        self.dir.join("slurm.conf").display().to_string()
+    }
+
     /// A command that finds this cluster.
     pub fn command(&self, program: impl AsRef<std::ffi::OsStr>) -> Command {
         let mut command = Command::new(program);
-        command.env("SLURM_CONF", self.dir.join("slurm.conf"));
+        command.env("SLURM_CONF", self.configuration());
         command
     }
 

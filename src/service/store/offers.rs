@@ -73,8 +73,8 @@ impl JobStore {
         let rows: Vec<CandidateRow> = sqlx::query_as(AssertSqlSafe(format!(
             "SELECT jobs.id, attempt, jobs.name, sweep, estimate_s, \
                (SELECT sweeps.name FROM sweeps WHERE sweeps.id = jobs.sweep) AS sweep_name FROM jobs {} \
-             WHERE status = 'queued' AND offered_attempt IS NULL AND (deadline IS NULL OR deadline >= $1 OR attempt > 0) \
-             ORDER BY priority DESC, seq LIMIT $2",
+             WHERE status = 'queued' AND offered_attempt IS NULL \
+               AND (deadline IS NULL OR deadline >= $1 OR attempt > 0) ORDER BY priority DESC, seq LIMIT $2",
             self.database.along_queue()
         )))
         .bind(self.clock.now())

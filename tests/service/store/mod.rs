@@ -2,6 +2,7 @@
 
 mod groups;
 mod leases;
+mod offers;
 mod outages;
 mod queue;
 mod releases;

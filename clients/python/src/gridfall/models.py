@@ -118,6 +118,8 @@ class Job(Part):
     - attempt: How many times a worker has taken the job up.
     - backend
     - cancel_requested: True once canceling was asked for.
+    - cluster_job: What the cluster's scheduler calls the job's last attempt, such as the number of a Slurm job;
+      null where the
     - created_at
     - deadline: When the job must have been started.
     - estimate_s: Estimated wall time on two cores of a server (s); null for jobs of old releases.
@@ -145,6 +147,10 @@ class Job(Part):
     backend: Backend | None = field(metadata=member(of="Backend"))
     cancel_requested: bool = field(metadata=member())
     """True once canceling was asked for."""
+    cluster_job: str | None = field(metadata=member())
+    """What the cluster's scheduler calls the job's last attempt, such as the number of a Slurm job; null where the
+    server runs jobs itself.
+    """
     created_at: datetime = field(metadata=member(of="datetime"))
     deadline: datetime | None = field(metadata=member(of="datetime"))
     """When the job must have been started."""
