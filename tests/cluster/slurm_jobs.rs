@@ -56,7 +56,7 @@ fn slurm_runs_a_job_and_can_tell_whose_it_is() {
         let record = slurm.ask("scontrol", &["show", "job", &number]);
         let name = format!("JobName=gridfall {}", ended["name"].as_str().unwrap());
         let comment = format!("Comment={}", ended["id"].as_str().unwrap());
-        for said in [&name, &comment, "gpu:1", "TimeLimit=00:10:00", "Requeue=0"] {
+        for said in [&name, &comment, "gpu:1", "TimeLimit=00:10:00", "Requeue=1"] {
             assert!(record.contains(said), "{said} is not in {record}");
         }
         assert!(log(&server, job).contains(&format!("attempt 1 was handed to Slurm as job {number}")));
@@ -141,7 +141,8 @@ fn a_job_that_loses_its_place_goes_on_from_where_it_was() {
     let other = ["--parsable", "--partition=high", "--gres=gpu:2", "--output=/dev/null", "--wrap=sleep 1"];
     slurm.ask("sbatch", &other);
     let ended = server.wait_for(&job, "succeeded");
-    assert_eq!(slurm.state(&first), "PREEMPTED");
+    // Slurm would start the same attempt once more.
+    slurm.wait_for(&first, "CANCELLED");
     assert_eq!(ended["attempt"], 2, "{}", log(&server, &job));
     assert_ne!(cluster_job(&ended), first);
     let told = log(&server, &job);
@@ -209,10 +210,10 @@ fn a_node_that_goes_down_costs_no_job() {
     with_checkpoint(&server, &job);
     let first = cluster_job(&server.job(&job));
     slurm.ask("scontrol", &["update", "nodename=ALL", "state=down", "reason=test"]);
-    slurm.wait_for(&first, "NODE_FAIL");
     slurm.wait_for_node();
     let ended = server.wait_for(&job, "succeeded");
     assert_eq!(ended["attempt"], 2, "{}", log(&server, &job));
+    slurm.wait_for(&first, "CANCELLED");
     compare(&server, &job, &expected);
 }
 

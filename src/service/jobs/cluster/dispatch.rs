@@ -84,12 +84,13 @@ impl Dispatcher {
         let mut held = 0;
         for offer in &offers {
             match states.get(&offer.cluster_job) {
-                Some(State::Alive) => {
-                    if is_unwanted(offer) {
+                Some(state @ (State::Waiting | State::Alive)) => {
+                    let over = is_over(offer, state);
+                    if over || is_unwanted(offer) {
                         unwanted.push(offer.cluster_job.clone());
                     }
-                    if is_lost(offer) {
-                        self.settle(offer, None).await?;
+                    if over {
+                        self.settle(offer, Some(state)).await?;
                     } else {
                         held += 1;
                     }
@@ -116,7 +117,8 @@ impl Dispatcher {
                 OfferEnd::Canceled => "somebody canceled it there".into(),
                 OfferEnd::Interrupted => match state {
                     Some(State::Displaced(word)) => word.clone(),
-                    _ if is_lost(offer) => "nothing was heard of it for too long".into(),
+                    Some(State::Waiting) => "its place was taken back".into(),
+                    Some(State::Alive) => "nothing was heard of it for too long".into(),
                     _ => "it put the job back".into(),
                 },
                 OfferEnd::TimedOut(failure) | OfferEnd::Died(failure) => failure.message.clone(),
@@ -150,10 +152,9 @@ impl Dispatcher {
             Failure::new("crashed", message)
         };
         Some(match state {
-            Some(State::Alive) => return None,
             _ if offer.status.is_terminal() => OfferEnd::Interrupted,
             Some(State::Canceled) => OfferEnd::Canceled,
-            Some(State::Displaced(_)) => OfferEnd::Interrupted,
+            Some(State::Waiting | State::Alive | State::Displaced(_)) => OfferEnd::Interrupted,
             Some(State::TimedOut) => OfferEnd::TimedOut(died("was not done when its time was up")),
             Some(State::Failed(word)) => OfferEnd::Died(died(&format!("ended as {word}"))),
             // It put the job back.
@@ -190,7 +191,7 @@ impl Dispatcher {
 /// Whether nobody needs any more what the scheduler still has of an offer.
 fn is_unwanted(offer: &Offer) -> bool {
     match offer.status {
-        Status::Queued => is_lost(offer),
+        Status::Queued => false,
         Status::Running => offer.cancel_requested || !offer.claimed,
         // Its process is about to end.
         _ if offer.claimed => offer
@@ -200,10 +201,12 @@ fn is_unwanted(offer: &Offer) -> bool {
     }
 }
 
-/// Whether the scheduler holds a process of which nothing was heard for too long. One that has put its job back is to
-/// end in the time of a lease, and the scheduler to tell why.
-fn is_lost(offer: &Offer) -> bool {
-    offer.status == Status::Queued && offer.claimed && offer.expired
+/// Whether an attempt is over of which the scheduler still has something: it waits to be started once more, or its
+/// process was not heard of for too long. One that has put its job back is to end in the time of a lease, and the
+/// scheduler to tell why.
+fn is_over(offer: &Offer, state: &State) -> bool {
+    let open = !offer.status.is_terminal();
+    offer.claimed && open && (*state == State::Waiting || offer.status == Status::Queued && offer.expired)
 }
 
 /// Groups the first attempts at the jobs of a sweep; all others stand alone. Their order stays that of the first of

@@ -24,7 +24,9 @@ pub struct ClusterError(pub String);
 /// What became of an offer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum State {
-    /// It waits, runs or is about to end.
+    /// It waits to be started; perhaps once more, after the scheduler has taken back its place.
+    Waiting,
+    /// It runs, or is about to end.
     Alive,
     /// Its process ended without an error.
     Completed,

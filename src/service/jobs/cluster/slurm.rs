@@ -106,8 +106,8 @@ impl Slurm {
         let output = outputs(&self.options).join(if is_array { "%A_%a.out" } else { "%A.out" });
         let mut options = vec![
             "--parsable".into(),
-            // The next attempt has a number of its own.
-            "--no-requeue".into(),
+            // What cannot be put back is canceled by a controller that comes back and finds it on a node.
+            "--requeue".into(),
             format!("--job-name=gridfall {}", printable(&batch.name)),
             format!("--comment={}", batch.comment),
             format!("--chdir={}", self.options.data_dir.display()),
@@ -209,8 +209,10 @@ fn states(said: &str) -> HashMap<String, State> {
 fn state(word: &str) -> State {
     // "CANCELLED by 1000"
     match word.split(' ').next().unwrap_or_default() {
-        "PENDING" | "CONFIGURING" | "RUNNING" | "SUSPENDED" | "STOPPED" | "SIGNALING" | "RESIZING" | "STAGE_OUT"
-        | "COMPLETING" | "REQUEUED" | "REQUEUE_FED" | "REQUEUE_HOLD" | "RESV_DEL_HOLD" | "SPECIAL_EXIT" => State::Alive,
+        "PENDING" | "REQUEUED" | "REQUEUE_FED" | "REQUEUE_HOLD" | "RESV_DEL_HOLD" | "SPECIAL_EXIT" => State::Waiting,
+        "CONFIGURING" | "RUNNING" | "SUSPENDED" | "STOPPED" | "SIGNALING" | "RESIZING" | "STAGE_OUT" | "COMPLETING" => {
+            State::Alive
+        }
         "COMPLETED" => State::Completed,
         "CANCELLED" => State::Canceled,
         "TIMEOUT" => State::TimedOut,
@@ -297,9 +299,10 @@ mod tests {
 
     #[test]
     fn every_word_of_slurm_has_a_meaning() {
-        let said = "1|RUNNING\n2_0|COMPLETED\n2_1|CANCELLED by 1000\n3|NODE_FAIL\n4|OUT_OF_MEMORY\n5|TIMEOUT\n6|NEW\n";
+        let said = "0|REQUEUED\n1|RUNNING\n2_0|COMPLETED\n2_1|CANCELLED by 1000\n3|NODE_FAIL\n4|OUT_OF_MEMORY\n5|TIMEOUT\n6|NEW\n";
         let states = states(said);
-        assert_eq!(states.len(), 7);
+        assert_eq!(states.len(), 8);
+        assert_eq!(states["0"], State::Waiting);
         assert_eq!(states["1"], State::Alive);
         assert_eq!(states["2_0"], State::Completed);
         assert_eq!(states["2_1"], State::Canceled);
