@@ -170,6 +170,7 @@ export function job(main, id, signal) {
   function details(now) {
     const rows = [
       ["Device", now.backend ? now.backend.device : "not chosen yet", now.backend?.reason],
+      ...(now.cluster_job ? [["Cluster job", h("code", {}, now.cluster_job)]] : []),
       ["Integrator", now.integrator, now.integrator_reason],
       ["Particles", count(now.particles)],
       ["Steps", count(now.progress.step)],
