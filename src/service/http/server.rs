@@ -104,9 +104,9 @@ pub async fn serve(
     listening: impl FnOnce(SocketAddr),
     shutdown: impl Future<Output = ()> + Send + 'static,
 ) -> Result<(), ServeError> {
-    let Options { listen, data_dir, database, insecure_no_auth, certificate, keep, config, checkpoint_every, executor } =
+    let tls = options.certificate.map(Tls::open).transpose()?.map(Arc::new);
+    let Options { listen, data_dir, database, insecure_no_auth, keep, config, checkpoint_every, executor, .. } =
         options;
-    let tls = certificate.map(Tls::open).transpose()?.map(Arc::new);
     let data = Arc::new(DataDir::open(&data_dir)?);
     let store = match &database {
         Some(url) => JobStore::connect(url).await?,

@@ -20,6 +20,7 @@ on_both!(
     time_on_devices_is_counted_and_bounded_whatever_is_deleted,
     room_is_counted_until_it_is_given_back,
     few_jobs_are_not_behind_many,
+    a_cluster_is_offered_jobs_by_turns,
     whoever_comes_back_takes_nobodys_turns,
     many_lines_are_looked_through_soon,
 );
@@ -247,6 +248,27 @@ async fn few_jobs_are_not_behind_many(store: JobStore) {
         running.push(store.owner_of_job(claim.id).await.unwrap().unwrap());
     }
     assert_eq!(running.iter().filter(|&key| *key == a.id).count(), 3);
+}
+
+async fn a_cluster_is_offered_jobs_by_turns(store: JobStore) {
+    let bounded = Quotas { running: Some(2), ..Quotas::default() };
+    let ((a, _), (b, _)) = (made(&store, "a", Quotas::default()).await, made(&store, "b", bounded).await);
+    many(&store, &a, 20).await;
+    many(&store, &b, 20).await;
+    let shares = || async {
+        let mut shares = Vec::new();
+        for candidate in store.candidates(6).await.unwrap() {
+            shares.push(store.owner_of_job(candidate.id).await.unwrap().unwrap() == b.id);
+        }
+        shares
+    };
+    assert_eq!(shares().await, [false, true, false, true, false, false], "two of b's may run");
+    // One that was offered is as one that runs.
+    for candidate in store.candidates(2).await.unwrap() {
+        assert!(store.offered(candidate.id, candidate.attempt, &candidate.id.to_string()).await.unwrap());
+    }
+    assert_eq!(shares().await.iter().filter(|&&of_b| of_b).count(), 1);
+    assert_eq!(shares().await.len(), 6);
 }
 
 async fn whoever_comes_back_takes_nobodys_turns(store: JobStore) {
