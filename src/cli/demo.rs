@@ -124,6 +124,7 @@ impl Server {
             data_dir: data_dir.clone(),
             database: None,
             insecure_no_auth: false,
+            certificate: None,
             keep: Keep::default(),
             config: Config::default(),
             checkpoint_every: Settings::default().checkpoint_every,

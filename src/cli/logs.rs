@@ -13,8 +13,8 @@ pub struct LogArguments {
     /// How to log on standard error.
     #[arg(long, value_enum, default_value_t = LogFormat::Text, env = "GRIDFALL_LOG_FORMAT")]
     log_format: LogFormat,
-    /// What to log, such as `debug` or `warn,gridfall=info` [default: warn,gridfall=info,gridfall_service=info, with
-    /// --quiet warn].
+    /// What to log, such as `debug` or `warn,gridfall=info` [default:
+    /// warn,gridfall=info,gridfall_service=info,audit=info, with --quiet warn].
     #[arg(long, value_name = "FILTER", env = "GRIDFALL_LOG")]
     log: Option<String>,
 }
@@ -30,7 +30,7 @@ enum LogFormat {
 impl LogArguments {
     /// Begins to log.
     pub fn start(&self) -> Result<(), CliError> {
-        let usual = if is_quiet() { "warn" } else { "warn,gridfall=info,gridfall_service=info" };
+        let usual = if is_quiet() { "warn" } else { "warn,gridfall=info,gridfall_service=info,audit=info" };
         let log = self.log.as_deref().unwrap_or(usual);
         let filter = EnvFilter::try_new(log).map_err(|error| {
             CliError::BadInput(format!("--log {log}: {error}; write a level such as `info`, or module=level"))

@@ -11,6 +11,7 @@ mod export;
 mod frames;
 mod init;
 mod interrupt;
+mod keys;
 mod logs;
 mod manual;
 mod material;
@@ -45,6 +46,7 @@ struct Arguments {
 enum Command {
     Serve(serve::Arguments),
     Worker(worker::Arguments),
+    Keys(keys::Arguments),
     Init(init::Arguments),
     Run(run::Arguments),
     Check(check::Arguments),
@@ -66,6 +68,7 @@ impl Command {
         match self {
             Self::Serve(arguments) => serve::execute(arguments),
             Self::Worker(arguments) => worker::execute(arguments),
+            Self::Keys(arguments) => keys::execute(arguments),
             Self::Init(arguments) => init::execute(arguments),
             Self::Run(arguments) => run::execute(arguments),
             Self::Check(arguments) => check::execute(arguments),

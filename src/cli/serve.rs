@@ -11,7 +11,7 @@ use super::executor::{ExecutorArguments, Home};
 use super::logs::LogArguments;
 use super::{CliError, interrupt};
 use gridfall_engine::choice::Devices;
-use gridfall_service::http::{self, Config, Options};
+use gridfall_service::http::{self, Certificate, Config, Options};
 use gridfall_service::jobs::retention::Keep;
 use gridfall_service::jobs::{EngineSource, OpenDevices, yield_to_requests};
 
@@ -29,11 +29,22 @@ pub struct Arguments {
     /// directory. Other users of the machine can read command lines: pass a password by the environment.
     #[arg(long, value_name = "URL", env = "GRIDFALL_DATABASE", hide_env_values = true)]
     database: Option<String>,
-    /// Listen on an address that other machines can reach, although nobody is asked for a key.
+    /// Listen on an address that other machines can reach, although there are no keys.
     /// Anyone who can reach the server can then run, read and delete jobs: for containers and
-    /// networks that keep strangers out.
+    /// networks that keep strangers out. Once there are keys (`gridfall keys create`), everybody is
+    /// asked for one.
     #[arg(long, env = "GRIDFALL_INSECURE_NO_AUTH")]
     insecure_no_auth: bool,
+    /// Ask everybody for a key, even before there is one.
+    #[arg(long, env = "GRIDFALL_REQUIRE_KEYS")]
+    require_keys: bool,
+    /// Speak TLS (https) with this certificate: a PEM file with those that it depends on. It is read
+    /// again when it changes.
+    #[arg(long, value_name = "FILE", requires = "tls_key", env = "GRIDFALL_TLS_CERT")]
+    tls_cert: Option<PathBuf>,
+    /// The private key of --tls-cert, a PEM file.
+    #[arg(long, value_name = "FILE", requires = "tls_cert", env = "GRIDFALL_TLS_KEY")]
+    tls_key: Option<PathBuf>,
     /// Jobs that may wait; more are refused with 429.
     #[arg(
         long,
@@ -104,17 +115,21 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         checkpoint_seconds: arguments.checkpoint_seconds,
     };
     let executor = runtime.block_on(arguments.executor.choose(arguments.devices, home))?;
+    let certificate = arguments.tls_cert.zip(arguments.tls_key).map(|(chain, key)| Certificate { chain, key });
+    let scheme = if certificate.is_some() { "https" } else { "http" };
     let options = Options {
         listen: arguments.listen,
         data_dir: arguments.data_dir,
         database: arguments.database,
         insecure_no_auth: arguments.insecure_no_auth,
+        certificate,
         keep: Keep {
             time: arguments.keep_days.map(|days| Duration::from_secs(u64::from(days) * 86_400)),
             bytes: arguments.keep_bytes,
         },
         config: Config {
             max_queued: arguments.max_queued,
+            require_keys: arguments.require_keys,
             cors_origins: arguments.cors_origin.iter().filter_map(|origin| origin.parse().ok()).collect(),
             allowed_hosts: arguments.allow_host,
             min_free_bytes: arguments.min_free_bytes,
@@ -128,7 +143,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     };
     let served = runtime.block_on(async {
         let shutdown = interrupt::requested().map_err(|error| CliError::Failed(error.to_string()))?;
-        let listening = |address| println!("listening on http://{address}");
+        let listening = |address| println!("listening on {scheme}://{address}");
         http::serve(options, listening, shutdown).await.map_err(|error| {
             if error.is_bad_input() {
                 CliError::BadInput(error.to_string())

@@ -4,13 +4,17 @@ import { Browser } from "./browser.mjs";
 import * as colliders from "./colliders.mjs";
 import * as files from "./files.mjs";
 import * as keyboard from "./keyboard.mjs";
+import * as keys from "./keys.mjs";
 import * as steps from "./steps.mjs";
 import * as sweeps from "./sweeps.mjs";
 
 // The names of steps limit what is done to these; most of them need no others.
 const [url, pictures, ...chosen] = process.argv.slice(2);
 const all = { ...steps.all, ...colliders.all, ...sweeps.all, ...files.all, ...keyboard.all, ...steps.last };
-const wanted = Object.entries(all).filter(([name]) => !chosen.length || chosen.includes(name));
+// A server that asks for keys is another one, and is named with these steps.
+const wanted = chosen.length
+  ? Object.entries({ ...all, ...keys.all }).filter(([name]) => chosen.includes(name))
+  : Object.entries(all);
 const browser = await Browser.open(url, pictures);
 const started = performance.now();
 try {

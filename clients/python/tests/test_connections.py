@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import subprocess
 import time
 from pathlib import Path
 
@@ -129,3 +130,25 @@ def test_no_server() -> None:
     with gridfall.Client("http://127.0.0.1:9", retries=1) as client:
         with pytest.raises(gridfall.ServerUnreachable, match="GET /v1/devices"):
             client.devices()
+
+
+def test_a_server_that_asks_for_a_key_gets_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def keys(*arguments: str) -> str:
+        command = [str(gridfall.program()), "keys", *arguments, "--data-dir", str(tmp_path)]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+    good, reader = keys("create", "good"), keys("create", "reader", "--scope", "read")
+    monkeypatch.delenv("GRIDFALL_API_KEY", raising=False)
+    with gridfall.serve(data_dir=tmp_path, arguments=["--backend", "cpu"]) as url:
+        with gridfall.Client(url) as none, pytest.raises(gridfall.NotAllowed) as refused:
+            list(none.jobs())
+        assert (refused.value.status, refused.value.code) == (401, "key_required")
+        with gridfall.Client(url, api_key=reader) as client:
+            assert list(client.jobs()) == []
+            with pytest.raises(gridfall.NotAllowed) as refused:
+                client.submit(client.library_scene("quickstart"))
+            assert refused.value.code == "insufficient_scope"
+        monkeypatch.setenv("GRIDFALL_API_KEY", good)
+        with gridfall.Client(url) as client:
+            job = client.submit(client.library_scene("quickstart"))
+            assert client.cancel(job).status in ("queued", "running", "canceled")

@@ -1,18 +1,24 @@
 //! Assets: meshes and particles that scenes name, kept by the SHA-256 of their bytes.
 
+use std::collections::HashSet;
+
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
+use super::caller::Caller;
 use super::dto::{self, Asset, AssetList};
 use super::extract::{AssetBody, AssetId};
 use super::file::FileAnswer;
 use super::health::require_space;
+use super::holdings::hold;
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::scenes::permit;
 use super::state::Api;
+use super::usage::require_rest;
+use crate::store::Upload;
 use gridfall_scene::assets::examine;
 
 /// Uploads a mesh (STL, OBJ, PLY or glTF in one file) or particles (PLY or npz). Its id is that of
@@ -27,8 +33,13 @@ use gridfall_scene::assets::examine;
         (status = 422, body = dto::Problem, content_type = PROBLEM, description = "`invalid_asset`"),
         (status = 507, body = dto::Problem, content_type = PROBLEM, description = "`disk_low`"),
     ))]
-pub async fn put(State(api): State<Api>, AssetBody(bytes, room): AssetBody) -> Result<Response, Problem> {
+pub async fn put(
+    State(api): State<Api>,
+    caller: Caller,
+    AssetBody(bytes, room): AssetBody,
+) -> Result<Response, Problem> {
     require_space(&api)?;
+    require_rest(&api, &caller, bytes.len() as u64).await?;
     let permit = permit(&api).await?;
     let files = api.data.assets();
     let kept = tokio::task::spawn_blocking(move || {
@@ -39,6 +50,7 @@ pub async fn put(State(api): State<Api>, AssetBody(bytes, room): AssetBody) -> R
         files.put(&bytes, kind).map_err(Problem::from)
     });
     let (asset, new) = kept.await.map_err(internal)??;
+    let new = hold(&api, &caller, (Upload::Asset, &asset.id, asset.bytes), new).await?;
     let status = if new { StatusCode::CREATED } else { StatusCode::OK };
     let location = format!("/v1/assets/{}", asset.id);
     Ok((status, [(header::LOCATION, location)], Json(Asset::from(asset))).into_response())
@@ -47,9 +59,13 @@ pub async fn put(State(api): State<Api>, AssetBody(bytes, room): AssetBody) -> R
 /// Lists all assets, by id.
 #[utoipa::path(get, path = "/v1/assets", tag = "assets", operation_id = "list_assets",
     responses((status = 200, body = AssetList)))]
-pub async fn list(State(api): State<Api>) -> Result<Json<AssetList>, Problem> {
+pub async fn list(State(api): State<Api>, caller: Caller) -> Result<Json<AssetList>, Problem> {
     let files = api.data.assets();
-    let assets = tokio::task::spawn_blocking(move || files.list()).await.map_err(internal)??;
+    let mut assets = tokio::task::spawn_blocking(move || files.list()).await.map_err(internal)??;
+    if let Some(key) = caller.confined_to() {
+        let own: HashSet<String> = api.store.held(key, Upload::Asset).await?.into_iter().collect();
+        assets.retain(|asset| own.contains(&asset.id));
+    }
     Ok(Json(AssetList { assets: assets.into_iter().map(Into::into).collect() }))
 }
 
@@ -75,7 +91,7 @@ pub async fn get(
     let files = api.data.assets();
     let wanted = id.clone();
     let found = tokio::task::spawn_blocking(move || files.find(&wanted)).await.map_err(internal)??;
-    let missing = || Problem::new(Code::AssetNotFound, format!("there is no asset {id}; GET /v1/assets lists all"));
+    let missing = || Problem::asset_not_found(&id);
     let (asset, path) = found.ok_or_else(missing)?;
     let name = format!("{}.{}", &asset.id["sha256:".len()..][..16], asset.kind);
     let file = FileAnswer { path: &path, content_type: "application/octet-stream", download: Some(&name) };

@@ -1,6 +1,7 @@
 //! Accepts connections and bounds what each may cost: their number, and how long one may take to
 //! send the head of a request or to take in an answer.
 
+use std::convert::Infallible;
 use std::io;
 use std::pin::pin;
 use std::sync::Arc;
@@ -9,16 +10,21 @@ use std::time::Duration;
 use axum::Router;
 use axum::body::Body;
 use axum::http::Request;
+use axum::response::Response;
+use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+use tokio::time::timeout;
 use tokio_io_timeout::TimeoutStream;
-use tower::ServiceExt;
+use tower::{Service, ServiceExt};
 
 use super::load::Crowded;
 use super::state::Config;
+use super::tls::Tls;
 
 /// Connections beyond the usual number, for requests that always pass.
 const SPARE_CONNECTIONS: usize = 64;
@@ -29,9 +35,16 @@ const RETRY: Duration = Duration::from_millis(100);
 
 /// Serves until `stop` resolves; then takes no more connections and waits for the requests in
 /// flight.
-pub async fn serve(listener: TcpListener, app: Router, config: &Config, stop: impl Future<Output = ()>) {
+pub async fn serve(
+    listener: TcpListener,
+    tls: Option<Arc<Tls>>,
+    app: Router,
+    config: &Config,
+    stop: impl Future<Output = ()>,
+) {
     let connections = Connections {
         app,
+        tls,
         usual: Arc::new(Semaphore::new(config.max_connections)),
         spare: Arc::new(Semaphore::new(SPARE_CONNECTIONS)),
         header_timeout: config.header_timeout,
@@ -67,8 +80,13 @@ pub struct Occupied {
     pub closing: watch::Receiver<()>,
 }
 
+/// Marks requests that nobody on their way could read.
+#[derive(Clone, Copy, Debug)]
+pub struct Encrypted;
+
 struct Connections {
     app: Router,
+    tls: Option<Arc<Tls>>,
     usual: Arc<Semaphore>,
     spare: Arc<Semaphore>,
     header_timeout: Duration,
@@ -89,33 +107,38 @@ impl Connections {
         }
         let mut stream = TimeoutStream::new(stream);
         stream.set_write_timeout(Some(self.write_timeout));
+        let stream = Box::pin(stream);
         let place = occupied.clone();
-        let app = self.app.clone().map_request(move |request: Request<hyper::body::Incoming>| {
+        let encrypted = self.tls.is_some();
+        let app = self.app.clone().map_request(move |request: Request<Incoming>| {
             let mut request = request.map(Body::new);
             request.extensions_mut().insert(place.clone());
             if crowded {
                 request.extensions_mut().insert(Crowded);
             }
+            if encrypted {
+                request.extensions_mut().insert(Encrypted);
+            }
             request
         });
-        let mut http = http1::Builder::new();
-        // The timer of the head also runs between requests.
-        http.timer(TokioTimer::new()).header_read_timeout(self.header_timeout).max_buf_size(MAX_HEAD_BYTES);
-        let connection = http.serve_connection(TokioIo::new(Box::pin(stream)), TowerToHyperService::new(app));
+        let header_timeout = self.header_timeout;
+        let Some(tls) = &self.tls else {
+            tokio::spawn(answer(stream, app, header_timeout, occupied));
+            return;
+        };
+        let acceptor = tls.acceptor();
         tokio::spawn(async move {
-            let mut connection = pin!(connection.with_upgrades());
             let mut closing = occupied.closing.clone();
-            let ended = tokio::select! {
-                ended = connection.as_mut() => ended,
-                _ = closing.changed() => {
-                    connection.as_mut().graceful_shutdown();
-                    connection.await
-                }
+            // Whoever is slow to shake hands is as one who is slow to ask.
+            let shaken = tokio::select! {
+                shaken = timeout(header_timeout, acceptor.accept(stream)) => shaken,
+                _ = closing.changed() => return,
             };
-            if let Err(error) = ended {
-                tracing::debug!(%error, "a connection broke");
+            match shaken {
+                Ok(Ok(stream)) => answer(stream, app, header_timeout, occupied).await,
+                Ok(Err(error)) => tracing::debug!(%error, "a connection did not come to TLS"),
+                Err(_) => tracing::debug!("a connection was too slow to come to TLS"),
             }
-            drop(occupied);
         });
     }
 
@@ -125,6 +148,30 @@ impl Connections {
             Ok(permit) => Some((permit, false)),
             Err(_) => Some((self.spare.clone().try_acquire_owned().ok()?, true)),
         }
+    }
+}
+
+/// Answers what comes on a connection, until either side ends it.
+async fn answer<S, A>(stream: S, app: A, header_timeout: Duration, occupied: Occupied)
+where
+    S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
+    A: Service<Request<Incoming>, Response = Response, Error = Infallible, Future: Send> + Clone + Send + 'static,
+{
+    let mut http = http1::Builder::new();
+    // The timer of the head also runs between requests.
+    http.timer(TokioTimer::new()).header_read_timeout(header_timeout).max_buf_size(MAX_HEAD_BYTES);
+    let connection = http.serve_connection(TokioIo::new(stream), TowerToHyperService::new(app));
+    let mut connection = pin!(connection.with_upgrades());
+    let mut closing = occupied.closing.clone();
+    let ended = tokio::select! {
+        ended = connection.as_mut() => ended,
+        _ = closing.changed() => {
+            connection.as_mut().graceful_shutdown();
+            connection.await
+        }
+    };
+    if let Err(error) = ended {
+        tracing::debug!(%error, "a connection broke");
     }
 }
 

@@ -24,7 +24,13 @@ pub async fn cors(State(api): State<Api>, request: Request, next: Next) -> Respo
         CorsLayer::new()
             .allow_origin(Any)
             .allow_methods([Method::GET, Method::HEAD])
-            .allow_headers([header::RANGE, header::IF_RANGE, header::IF_NONE_MATCH, header::CACHE_CONTROL])
+            .allow_headers([
+                header::AUTHORIZATION,
+                header::RANGE,
+                header::IF_RANGE,
+                header::IF_NONE_MATCH,
+                header::CACHE_CONTROL,
+            ])
             .expose_headers(EXPOSED)
             // Browsers ask before a public page may read from a private address, such as the user's
             // own machine.

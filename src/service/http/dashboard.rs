@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use axum::Router;
 use axum::extract::Path;
-use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Uri, header};
+use axum::http::{HeaderMap, HeaderValue, Method, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 
@@ -37,6 +37,7 @@ const FILES: &[(&str, &str, &str)] = files! {
     "icon.svg" "image/svg+xml",
     "theme.js" "text/javascript; charset=utf-8",
     "main.js" "text/javascript; charset=utf-8",
+    "signin.js" "text/javascript; charset=utf-8",
     "api.js" "text/javascript; charset=utf-8",
     "dom.js" "text/javascript; charset=utf-8",
     "format.js" "text/javascript; charset=utf-8",
@@ -102,14 +103,7 @@ fn send(at: usize, headers: &HeaderMap) -> Result<Response, Problem> {
         None => ([(header::CONTENT_TYPE, kind)], text).into_response(),
     };
     version.write(answer.headers_mut());
-    let more: [(HeaderName, &'static str); 3] = [
-        (header::CONTENT_SECURITY_POLICY, POLICY),
-        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
-        (header::REFERRER_POLICY, "no-referrer"),
-    ];
-    for (name, value) in more {
-        answer.headers_mut().insert(name, HeaderValue::from_static(value));
-    }
+    answer.headers_mut().insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
     Ok(answer)
 }
 

@@ -88,6 +88,9 @@ pub struct Scene {}
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Job {
     pub id: Uuid,
+    /// The id of the key that the job belongs to; null where nobody was asked for one.
+    #[schema(required)]
+    pub key: Option<String>,
     pub name: String,
     pub status: Status,
     pub created_at: Timestamp,
@@ -100,7 +103,7 @@ pub struct Job {
     pub attempt: i64,
     /// True once canceling was asked for.
     pub cancel_requested: bool,
-    /// 1 for the job that runs next; null unless queued.
+    /// 1 for the job of its key that runs next; null unless queued.
     #[schema(required)]
     pub queue_position: Option<i64>,
     pub particles: u64,
@@ -360,6 +363,7 @@ impl From<store::Job> for Job {
         let progress = Progress::new(&job);
         Self {
             id: job.id,
+            key: job.key,
             name: job.name,
             status: job.status,
             created_at: job.created_at,

@@ -180,13 +180,14 @@ impl FromRequestParts<Api> for AssetId {
         let form = |detail: String| Problem::new(Code::InvalidPath, detail);
         let path = axum::extract::Path::<String>::from_request_parts(parts, api).await;
         let axum::extract::Path(id) = path.map_err(|rejection| form(rejection.to_string()))?;
-        let hex = id.strip_prefix("sha256:").unwrap_or_default();
-        if hex.len() == 64 && hex.bytes().all(|byte| byte.is_ascii_hexdigit()) {
-            Ok(Self(id))
-        } else {
-            Err(form("an id is `sha256:` and 64 hexadecimal digits".into()))
-        }
+        if is_hash(&id) { Ok(Self(id)) } else { Err(form("an id is `sha256:` and 64 hexadecimal digits".into())) }
     }
+}
+
+/// Whether this is the id of an asset or a kept scene.
+pub fn is_hash(id: &str) -> bool {
+    let hex = id.strip_prefix("sha256:").unwrap_or_default();
+    hex.len() == 64 && hex.bytes().all(|byte| byte.is_ascii_hexdigit())
 }
 
 /// The query string.

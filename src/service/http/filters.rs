@@ -8,6 +8,7 @@ use serde::{Deserialize, Deserializer, de};
 use utoipa::{IntoParams, ToSchema};
 use uuid::Uuid;
 
+use super::caller::Caller;
 use super::problem::{Code, Problem};
 use crate::store::{Filter, Status};
 
@@ -40,8 +41,8 @@ pub struct ListJobs {
 }
 
 impl ListJobs {
-    /// Without the page.
-    pub fn filter(&self) -> Filter {
+    /// Without the page, of what the caller may see.
+    pub fn filter(&self, caller: &Caller) -> Filter {
         Filter {
             statuses: self.status.clone(),
             tags: self.tag.clone(),
@@ -49,6 +50,7 @@ impl ListJobs {
             created_after: self.created_after,
             created_before: self.created_before,
             sweep: self.sweep,
+            key: caller.confined_to().map(str::to_owned),
         }
     }
 }
@@ -80,10 +82,11 @@ pub struct JobFilter {
 }
 
 impl JobFilter {
-    /// The filter, unless it is for all jobs there are.
-    pub fn given(self) -> Result<Filter, Problem> {
+    /// The filter, of what the caller may change, unless it is for all jobs there are.
+    pub fn given(self, caller: &Caller) -> Result<Filter, Problem> {
+        let key = caller.confined_to().map(str::to_owned);
         let Self { status, tag, name, created_after, created_before, sweep } = self;
-        let filter = Filter { statuses: status, tags: tag, name, created_after, created_before, sweep };
+        let filter = Filter { statuses: status, tags: tag, name, created_after, created_before, sweep, key };
         if filter.is_empty() {
             let detail = "the filter is for all jobs; say which, or name all statuses if you mean all";
             return Err(Problem::new(Code::InvalidRequest, detail));

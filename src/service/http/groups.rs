@@ -5,6 +5,7 @@ use axum::extract::State;
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use super::caller::Caller;
 use super::dto;
 use super::extract::JsonBody;
 use super::filters::JobFilter;
@@ -28,9 +29,10 @@ pub struct Changed {
 ))]
 pub async fn cancel_jobs(
     State(api): State<Api>,
+    caller: Caller,
     JsonBody(filter, _): JsonBody<JobFilter>,
 ) -> Result<Json<Changed>, Problem> {
-    Ok(Json(Changed { jobs: api.store.cancel_all(&filter.given()?).await? }))
+    Ok(Json(Changed { jobs: api.store.cancel_all(&filter.given(&caller)?).await? }))
 }
 
 /// Deletes all jobs that a filter finds and that have ended, and their files. Answers with their number.
@@ -40,9 +42,10 @@ pub async fn cancel_jobs(
 ))]
 pub async fn delete_jobs(
     State(api): State<Api>,
+    caller: Caller,
     JsonBody(filter, _): JsonBody<JobFilter>,
 ) -> Result<Json<Changed>, Problem> {
-    let filter = filter.given()?;
+    let filter = filter.given(&caller)?;
     let mut jobs = 0;
     loop {
         let deleted = api.store.delete_all(&filter, BATCH).await?;

@@ -7,6 +7,7 @@ use axum::response::{IntoResponse, Response};
 use tokio::time::{Duration, Instant, timeout_at};
 use uuid::Uuid;
 
+use super::caller::Caller;
 use super::conditional::Version;
 use super::dto::{self, JobList, RerunJob, SubmitJob};
 use super::extract::{JobId, JsonBody, Query};
@@ -16,6 +17,7 @@ use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
 use super::submission::{accept, answer, finished, idempotency_key, prepare, sha256_hex};
+use super::usage::require_rest;
 use crate::store::{Deletion, Status};
 
 /// Submits a scene. It is judged before it is accepted: all its faults come back at once.
@@ -40,13 +42,15 @@ use crate::store::{Deletion, Status};
     ))]
 pub async fn submit(
     State(api): State<Api>,
+    caller: Caller,
     headers: HeaderMap,
     JsonBody(request, room): JsonBody<SubmitJob>,
 ) -> Result<Response, Problem> {
     require_space(&api)?;
+    require_rest(&api, &caller, 0).await?;
     let idempotency_key = idempotency_key(&headers)?;
     let reuse = request.reuse;
-    let new = prepare(&api, request, room, idempotency_key).await?;
+    let new = prepare(&api, &caller, request, room, idempotency_key).await?;
     if reuse && let Some(job) = finished(&api, &new).await? {
         return Ok(answer(StatusCode::OK, job));
     }
@@ -70,11 +74,13 @@ pub async fn submit(
     ))]
 pub async fn rerun(
     State(api): State<Api>,
+    caller: Caller,
     JobId(id): JobId,
     headers: HeaderMap,
     JsonBody(request, room): JsonBody<RerunJob>,
 ) -> Result<Response, Problem> {
     require_space(&api)?;
+    require_rest(&api, &caller, 0).await?;
     let idempotency_key = idempotency_key(&headers)?;
     let (job, scene) = (api.store.get(id).await?, api.store.scene(id).await?);
     let (Some(job), Some(scene)) = (job, scene) else { return Err(Problem::job_not_found(id)) };
@@ -92,7 +98,7 @@ pub async fn rerun(
         max_cost,
         reuse: false,
     };
-    accept(&api, &prepare(&api, request, room, idempotency_key).await?).await
+    accept(&api, &prepare(&api, &caller, request, room, idempotency_key).await?).await
 }
 
 /// The scene that a job runs, with its overrides.
@@ -119,7 +125,11 @@ pub async fn scene(State(api): State<Api>, JobId(id): JobId, headers: HeaderMap)
 /// Lists jobs, newest first.
 #[utoipa::path(get, path = "/v1/jobs", tag = "jobs", operation_id = "list_jobs",
     params(ListJobs), responses((status = 200, body = JobList)))]
-pub async fn list(State(api): State<Api>, Query(query): Query<ListJobs>) -> Result<Json<JobList>, Problem> {
+pub async fn list(
+    State(api): State<Api>,
+    caller: Caller,
+    Query(query): Query<ListJobs>,
+) -> Result<Json<JobList>, Problem> {
     let limit = query.limit.unwrap_or(50);
     if !(1..=200).contains(&limit) {
         return Err(Problem::new(Code::InvalidQuery, format!("limit is {limit}; it may be 1 to 200")));
@@ -128,7 +138,7 @@ pub async fn list(State(api): State<Api>, Query(query): Query<ListJobs>) -> Resu
         Problem::new(Code::InvalidQuery, "cursor is not one that this server gave out; take next_cursor of a page")
     })?;
     // One more than asked for shows whether there is another page.
-    let mut jobs = api.store.list(&query.filter(), before, limit + 1).await?;
+    let mut jobs = api.store.list(&query.filter(&caller), before, limit + 1).await?;
     let more = jobs.len() > limit as usize;
     jobs.truncate(limit as usize);
     let next_cursor = jobs.last().filter(|_| more).map(|job| job.seq.to_string());

@@ -2,6 +2,7 @@
 //! of series must not be.
 
 use std::collections::HashMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use axum::extract::State;
 use axum::http::{HeaderMap, Method, StatusCode, header};
@@ -17,6 +18,7 @@ use prometheus_client::registry::{Registry, Unit};
 use super::problem::{Problem, internal};
 use super::state::Api;
 use crate::jobs::{Counters, StatusLabel};
+use crate::store::{Status, Usage};
 
 #[derive(Debug)]
 pub struct Metrics {
@@ -24,6 +26,22 @@ pub struct Metrics {
     requests: Family<RequestLabels, Counter>,
     request_seconds: Family<RouteLabels, Histogram, fn() -> Histogram>,
     jobs: Family<StatusLabel, Gauge>,
+    key_requests: Family<KeyLabel, Counter>,
+    key_jobs: Family<KeyStatusLabel, Gauge>,
+    key_bytes: Family<KeyLabel, Gauge>,
+    key_device_seconds: Family<KeyLabel, Counter<f64, AtomicU64>>,
+}
+
+/// The name of a key. There are as many as an operator has made.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct KeyLabel {
+    key: String,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct KeyStatusLabel {
+    key: String,
+    status: Status,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
@@ -48,6 +66,10 @@ impl Metrics {
                 Histogram::new([0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0])
             }),
             jobs: Family::default(),
+            key_requests: Family::default(),
+            key_jobs: Family::default(),
+            key_bytes: Family::default(),
+            key_device_seconds: Family::default(),
             registry: Registry::default(),
         };
         registry.register("build", "Version of the server", Info::new(vec![("version", env!("CARGO_PKG_VERSION"))]));
@@ -60,7 +82,29 @@ impl Metrics {
             Unit::Seconds,
             metrics.request_seconds.clone(),
         );
+        registry.register("key_requests", "Requests of a key that were answered", metrics.key_requests.clone());
+        registry.register("key_jobs", "Jobs of a key that wait or run", metrics.key_jobs.clone());
+        let kept = "Outputs and uploads of a key that are kept";
+        registry.register_with_unit("key_kept", kept, Unit::Bytes, metrics.key_bytes.clone());
+        let device = "Time on devices of a key's jobs, whenever the server was started";
+        registry.register_with_unit("key_device", device, Unit::Seconds, metrics.key_device_seconds.clone());
         Self { registry, ..metrics }
+    }
+
+    /// Counts a request of a key.
+    pub fn asked(&self, key: &str) {
+        self.key_requests.get_or_create(&KeyLabel { key: key.to_owned() }).inc();
+    }
+
+    fn used(&self, usage: &Usage) {
+        let label = KeyLabel { key: usage.key.name.clone() };
+        for (status, jobs) in [(Status::Queued, usage.queued), (Status::Running, usage.running)] {
+            self.key_jobs.get_or_create(&KeyStatusLabel { key: label.key.clone(), status }).set(jobs);
+        }
+        self.key_bytes.get_or_create(&label).set(usage.bytes);
+        let seconds = usage.total_device_s.to_bits();
+        // The database counts; a counter here can only be made to show it.
+        self.key_device_seconds.get_or_create(&label).inner().store(seconds, Ordering::Relaxed);
     }
 
     pub fn observe(&self, method: &Method, route: String, status: StatusCode, seconds: f64) {
@@ -99,6 +143,7 @@ pub async fn metrics(State(api): State<Api>, headers: HeaderMap) -> Result<impl 
     for (status, n) in api.store.counts().await? {
         api.metrics.jobs.get_or_create(&StatusLabel { status }).set(n);
     }
+    api.store.usage(None).await?.iter().for_each(|usage| api.metrics.used(usage));
     let mut body = String::new();
     text::encode(&mut body, &api.metrics.registry).map_err(internal)?;
     let accepted = headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok());

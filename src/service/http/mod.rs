@@ -1,6 +1,9 @@
 //! The HTTP API. `router` lists all of it on one page.
 
 mod assets;
+mod audit;
+mod auth;
+mod caller;
 mod colliders;
 mod conditional;
 mod connections;
@@ -20,7 +23,9 @@ mod follow;
 mod frames;
 mod groups;
 mod guard;
+mod headers;
 mod health;
+mod holdings;
 mod index;
 mod jobs;
 mod laboratory;
@@ -39,11 +44,14 @@ mod router;
 mod sceneries;
 mod scenes;
 mod server;
+mod session;
 mod state;
 mod submission;
 mod surfaces;
 mod sweeps;
 mod tables;
+mod tls;
+mod usage;
 mod viewer;
 mod watch;
 
@@ -52,6 +60,7 @@ pub use openapi::{document, document_json};
 pub use router::router;
 pub use server::{Options, ServeError, serve};
 pub use state::{Api, Config};
+pub use tls::Certificate;
 
 #[cfg(test)]
 mod tests;

@@ -40,6 +40,10 @@ codes! {
     InvalidPath BAD_REQUEST "The path has a part of the wrong form",
     InvalidQuery BAD_REQUEST "A query parameter is unknown or out of range",
     InvalidHeader BAD_REQUEST "A header is out of form",
+    KeyRequired UNAUTHORIZED "The server asks for a key",
+    KeyRefused UNAUTHORIZED "The key is not good",
+    InsufficientScope FORBIDDEN "The key does not allow this",
+    QuotaExceeded FORBIDDEN "A quota of the key is used up",
     ForeignOrigin FORBIDDEN "A page of another origin may not change anything here",
     UnknownHost FORBIDDEN "The server does not know itself by this name",
     RouteNotFound NOT_FOUND "There is nothing at this path",
@@ -115,6 +119,18 @@ impl Problem {
 
     pub fn job_not_found(id: uuid::Uuid) -> Self {
         Self::new(Code::JobNotFound, format!("there is no job {id}; it may have been deleted"))
+    }
+
+    pub fn sweep_not_found(id: uuid::Uuid) -> Self {
+        Self::new(Code::SweepNotFound, format!("there is no sweep {id}"))
+    }
+
+    pub fn asset_not_found(id: &str) -> Self {
+        Self::new(Code::AssetNotFound, format!("there is no asset {id}; GET /v1/assets lists all"))
+    }
+
+    pub fn scene_not_found(id: &str) -> Self {
+        Self::new(Code::SceneNotFound, format!("there is no scene {id}; GET /v1/scenes lists all"))
     }
 
     /// Says which part of a request with many parts has the problem.

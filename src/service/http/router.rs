@@ -12,8 +12,9 @@ use utoipa_axum::routes;
 use super::openapi::{self, Description};
 use super::state::Api;
 use super::{
-    assets, colliders, cors, dashboard, devices, docs, encoding, events, exports, frames, groups, guard, health, index,
-    jobs, laboratory, layers, library, live, load, materials, metrics, outputs, pictures, scenes, surfaces, sweeps,
+    assets, audit, auth, colliders, cors, dashboard, devices, docs, encoding, events, exports, frames, groups, guard,
+    headers, health, index, jobs, laboratory, layers, library, live, load, materials, metrics, outputs, pictures,
+    scenes, session, surfaces, sweeps, usage,
 };
 
 /// All routes of the API, and their OpenAPI document.
@@ -81,6 +82,9 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         .routes(routes!(assets::get))
         // /v1/devices
         .routes(routes!(devices::list))
+        // /v1/session, /v1/usage
+        .routes(routes!(session::get, session::put, session::delete))
+        .routes(routes!(usage::get))
         // /v1/schema/scene
         .routes(routes!(scenes::schema))
         // /livez, /readyz, /metrics
@@ -107,11 +111,14 @@ pub fn router(api: Api) -> Router {
         .method_not_allowed_fallback(layers::method_not_allowed)
         .layer(CatchPanicLayer::custom(layers::panicked))
         .layer(middleware::from_fn(encoding::decode))
+        .layer(middleware::from_fn_with_state(api.clone(), auth::authorize))
         .layer(middleware::from_fn_with_state(api.clone(), layers::bound_time))
         .layer(middleware::from_fn_with_state(api.clone(), guard::guard))
         .layer(middleware::from_fn_with_state(api.clone(), load::shed))
         .layer(middleware::from_fn(encoding::encode))
         .layer(middleware::from_fn_with_state(api.clone(), cors::cors))
+        .layer(middleware::from_fn_with_state(api.clone(), audit::audit))
+        .layer(middleware::from_fn(headers::secure))
         .layer(middleware::from_fn_with_state(api.clone(), layers::observe))
         .layer(DefaultBodyLimit::max(api.config.max_body_bytes))
         .with_state(api)

@@ -12,16 +12,19 @@ use tokio::sync::{OwnedSemaphorePermit, oneshot};
 use tokio::time::timeout;
 use uuid::Uuid;
 
+use super::caller::Caller;
 use super::conditional::Version;
 use super::dto::{self, KeepScene, KeptScene, SceneList, SubmitJob, ValidScene};
 use super::extract::{AssetBody, AssetId, JsonBody, Room};
 use super::health::require_space;
+use super::holdings::{Holdings, hold};
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
 use super::submission::check_wishes;
+use super::usage::{require_particles, require_rest};
 use crate::jobs::admission::{Admitted, admit};
-use crate::store::{SceneFiles, Status};
+use crate::store::{Status, Upload};
 use gridfall_recording::embedded;
 use gridfall_scene::{self as scene, Limits};
 
@@ -35,15 +38,19 @@ use gridfall_scene::{self as scene, Limits};
     ))]
 pub async fn validate(
     State(api): State<Api>,
+    caller: Caller,
     JsonBody(request, room): JsonBody<SubmitJob>,
 ) -> Result<Json<ValidScene>, Problem> {
     check_wishes(&request)?;
     let judged = |Admitted { problem, .. }: Admitted| {
+        let particles = problem.setup.total_particles() as u64;
         let estimate = scene::estimate::estimate(&problem).into();
         let notices = problem.setup.notices.into_iter().map(dto::Notice::from).collect();
-        ValidScene { valid: true, notices, estimate }
+        (ValidScene { valid: true, notices, estimate }, particles)
     };
-    Ok(Json(judge(&api, request, room, judged).await?))
+    let (valid, particles) = judge(&api, &caller, request, room, judged).await?;
+    require_particles(&caller, particles)?;
+    Ok(Json(valid))
 }
 
 /// Waits for permission to check a scene; only a limited number is checked at a time.
@@ -58,25 +65,25 @@ pub async fn permit(api: &Api) -> Result<OwnedSemaphorePermit, Problem> {
 /// to `with`.
 pub async fn judge<T: Send + 'static>(
     api: &Api,
+    caller: &Caller,
     request: SubmitJob,
     room: Room,
     with: impl FnOnce(Admitted) -> T + Send + 'static,
 ) -> Result<T, Problem> {
     let start = match request.start_from {
-        Some(id) => Some(last_state(api, id).await?),
+        Some(id) => Some(last_state(api, caller, id).await?),
         None => None,
     };
     let limits = Limits { max_work: api.config.max_work, ..api.config.limits };
-    let scenes = api.data.scenes();
-    let (assets, counters, span) = (api.data.assets(), api.worker.counters.clone(), tracing::Span::current());
+    let (own, counters, span) = (Holdings::of(api, caller), api.worker.counters.clone(), tracing::Span::current());
     let judged = move || {
         let started = Instant::now();
         let overrides: Vec<String> = request.overrides.iter().map(|(path, value)| format!("{path}={value}")).collect();
-        let mut document = document(request.scene, request.scene_id, &scenes)?;
+        let mut document = document(request.scene, request.scene_id, &own)?;
         if let Some(asset) = start {
             begin_with(&mut document, &asset);
         }
-        let judged = admit(document, &overrides, &limits, &assets).map(with);
+        let judged = admit(document, &overrides, &limits, &own).map(with);
         counters.stage("validate", started.elapsed());
         judged.map_err(Problem::invalid_scene)
     };
@@ -108,9 +115,10 @@ pub async fn by_judges<T: Send + 'static>(
 }
 
 /// Makes the last state of a job an asset, and returns its id.
-async fn last_state(api: &Api, id: Uuid) -> Result<String, Problem> {
+async fn last_state(api: &Api, caller: &Caller, id: Uuid) -> Result<String, Problem> {
     let refused = |why: &str| Problem::new(Code::InvalidRequest, format!("/start_from: {why}"));
-    let job = api.store.get(id).await?.ok_or_else(|| refused(&format!("there is no job {id}")))?;
+    let job = if api.may_see_job(caller, id).await? { api.store.get(id).await? } else { None };
+    let job = job.ok_or_else(|| refused(&format!("there is no job {id}")))?;
     let (state, assets) = (api.data.job(id).attempt(job.attempt).state(), api.data.assets());
     if job.status != Status::Succeeded || !state.exists() {
         return Err(refused(&format!(
@@ -118,7 +126,9 @@ async fn last_state(api: &Api, id: Uuid) -> Result<String, Problem> {
         )));
     }
     let kept = tokio::task::spawn_blocking(move || assets.keep(&state, "npz")).await.map_err(internal)?;
-    Ok(kept?.0.id)
+    let (asset, new) = kept?;
+    hold(api, caller, (Upload::Asset, &asset.id, asset.bytes), new).await?;
+    Ok(asset.id)
 }
 
 /// Makes a state the one that a scene begins with.
@@ -130,7 +140,7 @@ fn begin_with(document: &mut Value, asset: &str) {
 }
 
 /// The scene that a request has or names.
-fn document(scene: Option<Value>, id: Option<String>, kept: &SceneFiles) -> Result<Value, Problem> {
+fn document(scene: Option<Value>, id: Option<String>, own: &Holdings) -> Result<Value, Problem> {
     match (scene, id) {
         (Some(scene), None) => Ok(scene),
         (None, Some(id)) => {
@@ -138,7 +148,7 @@ fn document(scene: Option<Value>, id: Option<String>, kept: &SceneFiles) -> Resu
                 let detail = format!("/scene_id: there is no scene {id}; keep it with POST /v1/scenes first");
                 Problem::new(Code::InvalidRequest, detail)
             };
-            serde_json::from_str(&kept.get(&id)?.ok_or_else(missing)?).map_err(internal)
+            serde_json::from_str(&own.scene(&id)?.ok_or_else(missing)?).map_err(internal)
         }
         _ => {
             Err(Problem::new(Code::InvalidRequest, "give one of `scene`, a document, and `scene_id`, one that is kept"))
@@ -159,10 +169,11 @@ fn document(scene: Option<Value>, id: Option<String>, kept: &SceneFiles) -> Resu
     ))]
 pub async fn keep(
     State(api): State<Api>,
+    caller: Caller,
     JsonBody(KeepScene { scene }, room): JsonBody<KeepScene>,
 ) -> Result<Response, Problem> {
     require_space(&api)?;
-    keep_judged(&api, scene, room).await
+    keep_judged(&api, &caller, scene, room).await
 }
 
 /// Keeps the scene that a recording carries, to be run again. The beginning of the recording is enough: its first MiB,
@@ -177,23 +188,30 @@ pub async fn keep(
             description = "`invalid_recording`; `invalid_scene` with all its `faults`"),
         (status = 507, body = dto::Problem, content_type = PROBLEM, description = "`disk_low`"),
     ))]
-pub async fn keep_of_recording(State(api): State<Api>, AssetBody(bytes, room): AssetBody) -> Result<Response, Problem> {
+pub async fn keep_of_recording(
+    State(api): State<Api>,
+    caller: Caller,
+    AssetBody(bytes, room): AssetBody,
+) -> Result<Response, Problem> {
     require_space(&api)?;
     let refused = |reason: String| Problem::new(Code::InvalidRecording, reason);
     let text = embedded::scene(&bytes).map_err(refused)?;
     let scene = serde_json::from_str(&text).map_err(|error| refused(format!("its scene is no JSON: {error}")))?;
-    keep_judged(&api, scene, room).await
+    keep_judged(&api, &caller, scene, room).await
 }
 
-async fn keep_judged(api: &Api, scene: Value, room: Room) -> Result<Response, Problem> {
+async fn keep_judged(api: &Api, caller: &Caller, scene: Value, room: Room) -> Result<Response, Problem> {
+    let bytes = scene.to_string().len() as u64;
     let request = SubmitJob { scene: Some(scene), ..SubmitJob::default() };
     let files = api.data.scenes();
-    let kept = judge(api, request, room, move |admitted| {
+    require_rest(api, caller, bytes).await?;
+    let kept = judge(api, caller, request, room, move |admitted| {
         let (id, new) = files.put(&admitted.document)?;
         let particles = admitted.problem.setup.total_particles() as u64;
         io::Result::Ok((KeptScene { id, name: admitted.scene.name, particles }, new))
     });
     let (scene, new) = kept.await??;
+    let new = hold(api, caller, (Upload::Scene, &scene.id, bytes), new).await?;
     let status = if new { StatusCode::CREATED } else { StatusCode::OK };
     let location = format!("/v1/scenes/{}", scene.id);
     Ok((status, [(header::LOCATION, location)], Json(scene)).into_response())
@@ -202,7 +220,10 @@ async fn keep_judged(api: &Api, scene: Value, room: Room) -> Result<Response, Pr
 /// Lists the scenes that are kept, by id.
 #[utoipa::path(get, path = "/v1/scenes", tag = "scenes", operation_id = "list_scenes",
     responses((status = 200, body = SceneList)))]
-pub async fn list(State(api): State<Api>) -> Result<Json<SceneList>, Problem> {
+pub async fn list(State(api): State<Api>, caller: Caller) -> Result<Json<SceneList>, Problem> {
+    if let Some(key) = caller.confined_to() {
+        return Ok(Json(SceneList { ids: api.store.held(key, Upload::Scene).await? }));
+    }
     let files = api.data.scenes();
     let ids = tokio::task::spawn_blocking(move || files.list()).await.map_err(internal)??;
     Ok(Json(SceneList { ids }))
@@ -221,8 +242,7 @@ pub async fn list(State(api): State<Api>) -> Result<Json<SceneList>, Problem> {
 pub async fn get(State(api): State<Api>, AssetId(id): AssetId, headers: HeaderMap) -> Result<Response, Problem> {
     let (files, wanted) = (api.data.scenes(), id.to_ascii_lowercase());
     let found = tokio::task::spawn_blocking(move || files.get(&wanted)).await.map_err(internal)??;
-    let missing = || Problem::new(Code::SceneNotFound, format!("there is no scene {id}; GET /v1/scenes lists all"));
-    let document = found.ok_or_else(missing)?;
+    let document = found.ok_or_else(|| Problem::scene_not_found(&id))?;
     let version = Version::of_tag(format!("\"{id}\""));
     if let Some(answer) = version.judge(&Method::GET, &headers)? {
         return Ok(answer);

@@ -13,6 +13,7 @@ use tokio::sync::oneshot;
 use super::connections;
 use super::router::router;
 use super::state::{Api, Config};
+use super::tls::{Certificate, Tls, TlsError};
 use crate::jobs::retention::{self, Keep};
 use crate::jobs::{Executor, Settings, Workers};
 use crate::store::{DataDir, JobStore, StoreError};
@@ -31,8 +32,10 @@ pub struct Options {
     pub data_dir: PathBuf,
     /// URL of the job database; a file in the data directory by default.
     pub database: Option<String>,
-    /// Accept a `listen` address that other machines can reach, although clients need no key.
+    /// Accept a `listen` address that other machines can reach, although there are no keys.
     pub insecure_no_auth: bool,
+    /// Speak TLS, by this certificate.
+    pub certificate: Option<Certificate>,
     /// How much of what has ended is kept.
     pub keep: Keep,
     pub config: Config,
@@ -44,11 +47,13 @@ pub struct Options {
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
     #[error(
-        "--listen {0} is open to other machines, and this server asks nobody for a key: anyone who can reach it could \
-         run and delete jobs. Listen on a loopback address (127.0.0.1), put a proxy that authenticates in front of it, \
-         or, where the network itself keeps strangers out, pass --insecure-no-auth"
+        "--listen {0} is open to other machines, and there are no keys: anyone who can reach it could run and delete \
+         jobs. Make a key first, for the same --data-dir or --database (`gridfall keys create NAME`), listen on a \
+         loopback address (127.0.0.1), or, where the network itself keeps strangers out, pass --insecure-no-auth"
     )]
     OpenToStrangers(SocketAddr),
+    #[error(transparent)]
+    Tls(#[from] TlsError),
     #[error("cannot listen on {address}: {error}; choose another --listen address")]
     Listen { address: SocketAddr, error: io::Error },
     #[error(transparent)]
@@ -61,7 +66,7 @@ impl ServeError {
     /// True if other options would help.
     pub fn is_bad_input(&self) -> bool {
         match self {
-            Self::OpenToStrangers(_) | Self::Listen { .. } => true,
+            Self::OpenToStrangers(_) | Self::Listen { .. } | Self::Tls(_) => true,
             Self::Store(error) => {
                 matches!(error, StoreError::Locked { .. } | StoreError::Url { .. } | StoreError::Unreachable { .. })
             }
@@ -72,10 +77,14 @@ impl ServeError {
 
 /// Does what is due without a request, for ever.
 async fn keep_house(store: JobStore, data: Arc<DataDir>, keep: Keep) {
+    let owner = data.owner().unwrap_or_default();
     let mut rounds = (0..ROUNDS_BETWEEN_TIDYING).cycle();
     loop {
         if let Err(error) = store.fail_overdue().await {
             tracing::warn!(%error, "cannot fail jobs that are past their deadline");
+        }
+        if let Err(error) = retention::measure(&store, &data, &owner).await {
+            tracing::warn!(%error, "cannot measure what jobs have left");
         }
         if keep != Keep::default() && rounds.next() == Some(0) {
             match retention::tidy(&store, &data, keep).await {
@@ -95,23 +104,30 @@ pub async fn serve(
     listening: impl FnOnce(SocketAddr),
     shutdown: impl Future<Output = ()> + Send + 'static,
 ) -> Result<(), ServeError> {
-    let Options { listen, data_dir, database, insecure_no_auth, keep, config, checkpoint_every, executor } = options;
-    if !listen.ip().is_loopback() {
-        if !insecure_no_auth {
-            return Err(ServeError::OpenToStrangers(listen));
-        }
-        tracing::warn!("{listen} is open to other machines and nobody is asked for a key (--insecure-no-auth)");
-    }
+    let tls = options.certificate.map(Tls::open).transpose()?.map(Arc::new);
+    let Options { listen, data_dir, database, insecure_no_auth, keep, config, checkpoint_every, executor, .. } =
+        options;
     let data = Arc::new(DataDir::open(&data_dir)?);
     let store = match &database {
         Some(url) => JobStore::connect(url).await?,
         None => JobStore::open(&data.database()).await?,
     };
+    let asks = config.require_keys || store.has_keys().await?;
+    if !listen.ip().is_loopback() && !asks {
+        if !insecure_no_auth {
+            return Err(ServeError::OpenToStrangers(listen));
+        }
+        tracing::warn!("{listen} is open to other machines and nobody is asked for a key (--insecure-no-auth)");
+    }
+    if !listen.ip().is_loopback() && asks && tls.is_none() {
+        tracing::warn!("{listen} is open to other machines without TLS: whoever is on their way can read keys");
+    }
     let listener = TcpListener::bind(listen).await.map_err(|error| ServeError::Listen { address: listen, error })?;
     let address = listener.local_addr().map_err(ServeError::Serve)?;
     let settings = Settings { limits: config.limits, checkpoint_every, ..Settings::default() };
     let workers = Workers::start(store.clone(), data.clone(), settings, executor).await?;
     let housekeeper = tokio::spawn(keep_house(store.clone(), data.clone(), keep));
+    let follower = tls.clone().map(|tls| tokio::spawn(tls.follow()));
     let api = Api::new(store.clone(), data, workers.shared(), config);
     let (config, app) = (api.config.clone(), router(api));
 
@@ -123,7 +139,7 @@ pub async fn serve(
             // Whoever waits for this may be gone.
             let _ = asked.send(());
         };
-        connections::serve(listener, app, &config, stop).await;
+        connections::serve(listener, tls, app, &config, stop).await;
     });
     listening(address);
     // An error means that the server's task has died, which ends the server, too.
@@ -133,6 +149,9 @@ pub async fn serve(
         server.abort();
     }
     housekeeper.abort();
+    if let Some(follower) = follower {
+        follower.abort();
+    }
     workers.stop(WORKER_PATIENCE).await;
     store.close().await;
     Ok(())

@@ -6,6 +6,7 @@ use std::time::Duration;
 use axum::http::HeaderValue;
 use tokio::sync::Semaphore;
 
+use super::caller::Authority;
 use super::frames::Indexes;
 use super::metrics::Metrics;
 use super::sceneries::Sceneries;
@@ -50,6 +51,8 @@ pub struct Config {
     pub validation_wait: Duration,
     /// Free disk space below which no job is accepted (bytes).
     pub min_free_bytes: u64,
+    /// Ask for keys even before there is one.
+    pub require_keys: bool,
     /// Origins whose pages may use the whole API, such as `https://app.example`.
     pub cors_origins: Vec<HeaderValue>,
     /// Names of the server, besides its addresses and `localhost`, in requests that change state.
@@ -77,6 +80,7 @@ impl Default for Config {
             max_validations: 2,
             validation_wait: Duration::from_secs(10),
             min_free_bytes: 256 << 20,
+            require_keys: false,
             cors_origins: Vec::new(),
             allowed_hosts: Vec::new(),
             max_work: 40_000_000,
@@ -102,6 +106,7 @@ pub struct Api {
     pub(super) watches: Arc<Watches>,
     pub(super) frames: Arc<Indexes>,
     pub(super) sceneries: Arc<Sceneries>,
+    pub(super) authority: Arc<Authority>,
 }
 
 impl Api {
@@ -111,6 +116,7 @@ impl Api {
             watches: Arc::default(),
             frames: Arc::default(),
             sceneries: Arc::default(),
+            authority: Arc::default(),
             validations: Arc::new(Semaphore::new(config.max_validations)),
             judges: Arc::new(judges()),
             in_flight: Arc::new(Semaphore::new(config.max_in_flight)),

@@ -7,11 +7,13 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use sha2::{Digest, Sha256};
 
+use super::caller::Caller;
 use super::dto::{self, SubmitJob};
 use super::extract::Room;
 use super::problem::{Code, Problem, internal};
 use super::scenes::judge;
 use super::state::Api;
+use super::usage::require_particles;
 use crate::jobs::DeviceState;
 use crate::jobs::admission::Admitted;
 use crate::store::{Job, NewJob, Submission};
@@ -26,19 +28,22 @@ const MAX_PRIORITY: i64 = 1000;
 /// Judges a request and turns it into a job.
 pub async fn prepare(
     api: &Api,
+    caller: &Caller,
     request: SubmitJob,
     room: Room,
     idempotency_key: Option<String>,
 ) -> Result<NewJob, Problem> {
+    let owner = caller.owner();
     let request_sha256 = sha256_hex(&serde_json::to_vec(&request).map_err(internal)?);
     let name = request.name.clone().map(valid_name).transpose()?;
     let tags = valid_tags(request.tags.clone())?;
     let priority = valid_priority(request.priority)?;
     let (deadline, max_cost) = (request.deadline, valid_max_cost(request.max_cost)?);
-    let new = judge(api, request, room, move |admitted| {
+    let new = judge(api, caller, request, room, move |admitted| {
         let estimate_s = estimate_s(&admitted);
         let Admitted { document, scene, problem } = admitted;
         NewJob {
+            owner,
             name: name.unwrap_or(scene.name),
             tags,
             priority,
@@ -58,6 +63,7 @@ pub async fn prepare(
         }
     })
     .await?;
+    require_particles(caller, new.particles)?;
     affordable(new.estimate_s.unwrap_or(0.0), max_cost)?;
     Ok(new)
 }
@@ -107,6 +113,13 @@ pub fn accepted<T>(api: &Api, submission: Submission<T>) -> Result<T, Problem> {
             let detail = format!("{most} jobs may wait, and there is no room for more; try again later");
             Err(Problem::new(Code::QueueFull, detail).retry_after(30))
         }
+        Submission::OwnerFull(most) => {
+            let detail = format!(
+                "{most} jobs of this key may wait (its quota `queued`), and there is no room for more; try again \
+                 later, cancel some, or ask for a larger quota"
+            );
+            Err(Problem::new(Code::QueueFull, detail).retry_after(30))
+        }
     }
 }
 
@@ -120,7 +133,7 @@ pub async fn finished(api: &Api, new: &NewJob) -> Result<Option<Job>, Problem> {
     let DeviceState::Ready(devices) = api.worker.device() else { return Ok(None) };
     let data = api.data.clone();
     let owner = tokio::task::spawn_blocking(move || data.owner()).await.map_err(internal)??;
-    let job = api.store.finished(&new.scene_sha256, &owner).await?;
+    let job = api.store.finished(&new.scene_sha256, &owner, &new.owner.key).await?;
     Ok(job.filter(|job| {
         job.backend.as_ref().is_some_and(|backend| match backend.kind.as_str() {
             // With a GPU at hand, a job that once had to run on the CPU would run there.

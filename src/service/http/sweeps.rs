@@ -12,6 +12,7 @@ use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 use uuid::Uuid;
 
+use super::caller::Caller;
 use super::dto::{self, SubmitJob};
 use super::extract::{JobId, JsonBody, Query, Room};
 use super::health::require_space;
@@ -21,6 +22,7 @@ use super::problem::{Code, Problem, internal};
 use super::state::Api;
 use super::submission::{accepted, affordable, idempotency_key, prepare, sha256_hex, valid_max_cost, valid_name};
 use super::tables::Summary;
+use super::usage::require_rest;
 use crate::store::{self, Filter, NewJob, NewSweep, Status};
 
 /// Most jobs of a sweep.
@@ -167,14 +169,16 @@ pub struct SweepResult {
 ))]
 pub async fn submit_sweep(
     State(api): State<Api>,
+    caller: Caller,
     headers: HeaderMap,
     JsonBody(request, _room): JsonBody<SubmitSweep>,
 ) -> Result<Response, Problem> {
     require_space(&api)?;
+    require_rest(&api, &caller, 0).await?;
     let idempotency_key = idempotency_key(&headers)?;
     let request_sha256 = sha256_hex(&serde_json::to_vec(&request).map_err(internal)?);
-    let (name, jobs) = judged(&api, &request).await?;
-    let new = NewSweep { name, jobs, idempotency_key, request_sha256 };
+    let (name, jobs) = judged(&api, &caller, &request).await?;
+    let new = NewSweep { owner: caller.owner(), name, jobs, idempotency_key, request_sha256 };
     let sweep = accepted(&api, api.store.submit_sweep(&new, api.config.max_queued).await?)?;
     let location = format!("/v1/sweeps/{sweep}");
     Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], Json(found(&api, sweep).await?)).into_response())
@@ -190,9 +194,10 @@ pub async fn submit_sweep(
 ))]
 pub async fn validate_sweep(
     State(api): State<Api>,
+    caller: Caller,
     JsonBody(request, _room): JsonBody<SubmitSweep>,
 ) -> Result<Json<ValidSweep>, Problem> {
-    let (_, jobs) = judged(&api, &request).await?;
+    let (_, jobs) = judged(&api, &caller, &request).await?;
     let job = |job: NewJob| ValidSweepJob {
         name: job.name,
         values: job.sweep_values,
@@ -204,7 +209,7 @@ pub async fn validate_sweep(
 }
 
 /// The name of a sweep, and its jobs.
-async fn judged(api: &Api, request: &SubmitSweep) -> Result<(String, Vec<NewJob>), Problem> {
+async fn judged(api: &Api, caller: &Caller, request: &SubmitSweep) -> Result<(String, Vec<NewJob>), Problem> {
     let name = request.name.clone().or_else(|| request.scene.as_ref()?["name"].as_str().map(str::to_owned));
     let name = valid_name(name.unwrap_or_else(|| "sweep".into()))?;
     let combinations = combinations(request)?;
@@ -227,7 +232,7 @@ async fn judged(api: &Api, request: &SubmitSweep) -> Result<(String, Vec<NewJob>
             reuse: false,
         };
         let of = format!("job {} of {} ({})", i + 1, combinations.len(), values_text.join(", "));
-        let mut job = prepare(api, job, Room::default(), None).await.map_err(|problem| problem.of(&of))?;
+        let mut job = prepare(api, caller, job, Room::default(), None).await.map_err(|problem| problem.of(&of))?;
         estimate_s += job.estimate_s.unwrap_or(0.0);
         affordable(estimate_s, max_cost)?;
         job.sweep_values = values.iter().map(|(path, value)| ((*path).clone(), (*value).clone())).collect();
@@ -268,7 +273,11 @@ fn combinations(request: &SubmitSweep) -> Result<Vec<Values<'_>>, Problem> {
     (status = 200, body = SweepList),
     (status = 400, body = dto::Problem, content_type = PROBLEM, description = "`invalid_query`"),
 ))]
-pub async fn list_sweeps(State(api): State<Api>, Query(query): Query<ListSweeps>) -> Result<Json<SweepList>, Problem> {
+pub async fn list_sweeps(
+    State(api): State<Api>,
+    caller: Caller,
+    Query(query): Query<ListSweeps>,
+) -> Result<Json<SweepList>, Problem> {
     let limit = query.limit.unwrap_or(50);
     if !(1..=200).contains(&limit) {
         return Err(Problem::new(Code::InvalidQuery, format!("limit is {limit}; it may be 1 to 200")));
@@ -276,7 +285,7 @@ pub async fn list_sweeps(State(api): State<Api>, Query(query): Query<ListSweeps>
     let before = query.cursor.as_ref().map(|cursor| cursor.parse::<Uuid>()).transpose().map_err(|_| {
         Problem::new(Code::InvalidQuery, "cursor is not one that this server gave out; take next_cursor of a page")
     })?;
-    let mut sweeps = api.store.sweeps(before, limit + 1).await?;
+    let mut sweeps = api.store.sweeps(caller.confined_to(), before, limit + 1).await?;
     let more = sweeps.len() > limit as usize;
     sweeps.truncate(limit as usize);
     let next_cursor = sweeps.last().filter(|_| more).map(|sweep| sweep.id.to_string());
@@ -328,5 +337,5 @@ pub async fn cancel_sweep(State(api): State<Api>, JobId(id): JobId) -> Result<(S
 
 async fn found(api: &Api, id: Uuid) -> Result<Sweep, Problem> {
     let sweep = api.store.sweep(id).await?;
-    sweep.map(Sweep::from).ok_or_else(|| Problem::new(Code::SweepNotFound, format!("there is no sweep {id}")))
+    sweep.map(Sweep::from).ok_or_else(|| Problem::sweep_not_found(id))
 }

@@ -9,10 +9,14 @@ use axum::http::{Request, header};
 use serde_json::{Value, json};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
+use tokio_rustls::TlsConnector;
+use tokio_rustls::rustls::crypto::ring;
+use tokio_rustls::rustls::{ClientConfig, RootCertStore};
 use tokio_util::io::ReaderStream;
 use tower::ServiceExt;
 
-use super::{Api, Config, connections, router};
+use super::tls::Tls;
+use super::{Api, Certificate, Config, connections, router};
 use crate::jobs;
 use crate::store::{DataDir, JobStore};
 
@@ -181,11 +185,15 @@ async fn a_small_body_that_grows_when_decoded_is_cut_off() {
 
 /// The API with these limits on a real socket.
 async fn on_a_socket(config: Config) -> (tempfile::TempDir, std::net::SocketAddr) {
+    on_a_socket_by(config, None).await
+}
+
+async fn on_a_socket_by(config: Config, tls: Option<Arc<Tls>>) -> (tempfile::TempDir, std::net::SocketAddr) {
     let (dir, api) = api(config).await;
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let config = api.config.clone();
-    tokio::spawn(async move { connections::serve(listener, router(api), &config, std::future::pending()).await });
+    tokio::spawn(async move { connections::serve(listener, tls, router(api), &config, std::future::pending()).await });
     (dir, address)
 }
 
@@ -219,4 +227,62 @@ async fn connections_have_a_bound_and_health_has_its_own() {
     let refused = talk(address, &get("/v1/jobs")).await;
     assert!(refused.starts_with("HTTP/1.1 503 ") && refused.contains("retry-after: "), "{refused}");
     assert!(talk(address, &get("/livez")).await.starts_with("HTTP/1.1 200 "));
+}
+
+/// The API with these limits behind TLS, and what clients connect by.
+async fn behind_tls(config: Config) -> (tempfile::TempDir, std::net::SocketAddr, TlsConnector) {
+    let folder = tempfile::tempdir().unwrap();
+    let files = Certificate { chain: folder.path().join("chain.pem"), key: folder.path().join("key.pem") };
+    let made = rcgen::generate_simple_self_signed(["localhost".to_owned()]).unwrap();
+    std::fs::write(&files.chain, made.cert.pem()).unwrap();
+    std::fs::write(&files.key, made.signing_key.serialize_pem()).unwrap();
+    let (dir, address) = on_a_socket_by(config, Some(Arc::new(Tls::open(files).unwrap()))).await;
+    let mut roots = RootCertStore::empty();
+    roots.add(made.cert.der().clone()).unwrap();
+    let client = ClientConfig::builder_with_provider(Arc::new(ring::default_provider()))
+        .with_safe_default_protocol_versions()
+        .unwrap()
+        .with_root_certificates(roots)
+        .with_no_client_auth();
+    (dir, address, Arc::new(client).into())
+}
+
+async fn talk_by_tls(address: std::net::SocketAddr, connector: &TlsConnector, sent: &str) -> String {
+    let stream = TcpStream::connect(address).await.unwrap();
+    let mut stream = connector.connect("localhost".try_into().unwrap(), stream).await.unwrap();
+    stream.write_all(sent.as_bytes()).await.unwrap();
+    let mut answer = String::new();
+    let _ = stream.read_to_string(&mut answer).await;
+    answer
+}
+
+#[tokio::test]
+async fn limits_of_connections_hold_under_tls() {
+    let config = Config { header_timeout: Duration::from_millis(200), max_connections: 1, ..Config::default() };
+    let (_dir, address, connector) = behind_tls(config).await;
+    assert_eq!(talk(address, "").await, "", "who does not shake hands is not kept");
+    assert_eq!(talk_by_tls(address, &connector, "GET /livez HTTP/1.1\r\nHost: x").await, "");
+    let get = |path: &str| format!("GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n");
+    let answer = talk_by_tls(address, &connector, &get("/livez")).await;
+    assert!(answer.starts_with("HTTP/1.1 200 ") && answer.contains("strict-transport-security"), "{answer}");
+    // A place is taken from the first byte on.
+    let _silent = TcpStream::connect(address).await.unwrap();
+    tokio::time::sleep(Duration::from_millis(50)).await;
+    let refused = talk_by_tls(address, &connector, &get("/v1/jobs")).await;
+    assert!(refused.starts_with("HTTP/1.1 503 "), "{refused}");
+}
+
+#[tokio::test]
+async fn every_answer_has_the_headers_that_keep_browsers_safe() {
+    let (_dir, api) = api(Config::default()).await;
+    let app = router(api);
+    for path in ["/", "/v1/jobs", "/nowhere", "/docs/", "/docs/errors", "/docs/guide/", "/dashboard/main.js", "/livez"]
+    {
+        let answer = app.clone().oneshot(Request::get(path).body(Body::empty()).unwrap()).await.unwrap();
+        let policy = answer.headers()[header::CONTENT_SECURITY_POLICY].to_str().unwrap();
+        assert!(policy.contains("default-src 'none'") && policy.contains("frame-ancestors 'none'"), "{path}: {policy}");
+        assert_eq!(answer.headers()[header::X_CONTENT_TYPE_OPTIONS], "nosniff", "{path}");
+        assert_eq!(answer.headers()[header::REFERRER_POLICY], "no-referrer", "{path}");
+        assert!(!answer.headers().contains_key(header::STRICT_TRANSPORT_SECURITY), "{path}: there is no TLS");
+    }
 }

@@ -56,6 +56,17 @@ pub async fn tidy(store: &JobStore, data: &Arc<DataDir>, keep: Keep) -> Result<u
     Ok(removed)
 }
 
+/// Notes how much room the outputs of ended jobs take, on the server of that name, for the quotas of their keys.
+pub async fn measure(store: &JobStore, data: &Arc<DataDir>, owner: &str) -> Result<(), StoreError> {
+    for id in store.to_measure(owner, BATCH).await? {
+        let folder = data.job(id).folder();
+        let at = |error| StoreError::Io { path: data.job(id).folder(), error };
+        let taken = tokio::task::spawn_blocking(move || bytes(&folder)).await;
+        store.measured(id, taken.map_err(|error| at(io::Error::other(error)))?.map_err(at)?).await?;
+    }
+    Ok(())
+}
+
 fn remove(data: &DataDir, id: uuid::Uuid) -> Result<(), StoreError> {
     let files = data.job(id);
     files.remove().map_err(|error| StoreError::Io { path: files.folder(), error })

@@ -1,17 +1,20 @@
 //! What workers ask of the table of jobs: the life of an attempt.
 
-use sqlx::AssertSqlSafe;
+use sqlx::any::Any;
+use sqlx::{AssertSqlSafe, Transaction};
 use uuid::Uuid;
 
 use super::row::{ClaimRow, LostRow};
-use super::{Claim, Failure, JobStore, LEASE, MAX_DEATHS, Outcome, Progress, Recovered, Result, Status, build, known};
+use super::{
+    Claim, Failure, JobStore, LEASE, MAX_DEATHS, Outcome, Progress, Recovered, Result, Status, build, known, turns,
+};
 use gridfall_engine::Backend;
 
 const LEASE_US: i64 = LEASE.as_micros() as i64;
 
 /// What a claim sets: by the owner `$1`, until `$2`, at `$3`.
 pub(super) const CLAIMED: &str = "status = 'running', attempt = attempt + 1, owner = $1, lease_until = $2, \
-    started_at = CASE WHEN created_at > $3 THEN created_at ELSE $3 END, backend = NULL, \
+    beat_at = $3, started_at = CASE WHEN created_at > $3 THEN created_at ELSE $3 END, backend = NULL, \
     sim_time_s = CASE WHEN checkpoint_frame IS NULL THEN 0.0 ELSE sim_time_s END, \
     step = CASE WHEN checkpoint_frame IS NULL THEN 0 ELSE step END, \
     frames_written = CASE WHEN checkpoint_frame IS NULL THEN 0 ELSE frames_written END, \
@@ -33,22 +36,42 @@ impl Overdue {
 }
 
 impl JobStore {
-    /// Claims the job that has waited longest of those with the highest priority, under a new lease. Jobs whose
-    /// workers are gone are among those that wait.
+    /// Claims a job under a new lease: of the key whose turn it is, the one that has waited longest of those with the
+    /// highest priority. Jobs whose workers are gone are among those that wait.
     pub async fn claim(&self, owner: &str) -> Result<Option<Claim>> {
         self.expire(|_| String::new()).await?;
         self.fail_overdue().await?;
         let now = self.clock.now();
+        let mut tx = self.database.lock_queue().await?;
+        for key in turns::next(&mut tx, &self.database, now).await? {
+            if let Some(claim) = self.claim_of(&mut tx, owner, &key, now).await? {
+                tx.commit().await?;
+                return Ok(Some(claim));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Claims the next job of a key.
+    async fn claim_of(
+        &self,
+        tx: &mut Transaction<'static, Any>,
+        owner: &str,
+        key: &str,
+        now: i64,
+    ) -> Result<Option<Claim>> {
         let row: Option<ClaimRow> = sqlx::query_as(AssertSqlSafe(format!(
-            "UPDATE jobs SET {CLAIMED} WHERE seq = (SELECT seq FROM jobs WHERE status = 'queued' \
+            "UPDATE jobs SET {CLAIMED} WHERE seq = (SELECT seq FROM jobs {} WHERE status = 'queued' AND key_id = $4 \
                AND (deadline IS NULL OR deadline >= $3 OR attempt > 0) ORDER BY priority DESC, seq LIMIT 1 {}) \
              RETURNING id, attempt, deaths, (SELECT scene FROM job_scenes WHERE job_scenes.seq = jobs.seq) AS scene",
+            self.database.along_queue(),
             self.database.skip_locked()
         )))
         .bind(owner)
         .bind(now + LEASE_US)
         .bind(now)
-        .fetch_optional(&self.database.writer)
+        .bind(key)
+        .fetch_optional(&mut **tx)
         .await?;
         Ok(row.map(|row| row.0))
     }
@@ -82,19 +105,25 @@ impl JobStore {
     }
 
     /// Records an attempt's progress and renews its lease. Returns whether it should continue: false
-    /// after a request to cancel, or if the job is no longer this attempt's.
+    /// after a request to cancel, or if the job is no longer this attempt's. The time since the last one counts as
+    /// that of a device, but for what is longer than a lease.
     pub async fn heartbeat(&self, id: Uuid, attempt: i64, progress: &Progress) -> Result<bool> {
+        let now = self.clock.now();
         let cancel_requested: Option<i64> = sqlx::query_scalar(
-            "UPDATE jobs SET sim_time_s = $1, step = $2, frames_written = $3, run_s = $4, lease_until = $5 \
-             WHERE id = $6 AND attempt = $7 AND status = 'running' RETURNING cancel_requested",
+            "UPDATE jobs SET sim_time_s = $1, step = $2, frames_written = $3, run_s = $4, lease_until = $5, \
+               device_us = device_us + \
+                 CASE WHEN $8 < beat_at THEN 0 WHEN $8 - beat_at > $9 THEN $9 ELSE $8 - beat_at END, \
+               beat_at = $8 WHERE id = $6 AND attempt = $7 AND status = 'running' RETURNING cancel_requested",
         )
         .bind(progress.sim_time_s)
         .bind(progress.step as i64)
         .bind(progress.frames_written as i64)
         .bind(progress.run_s)
-        .bind(self.clock.now() + LEASE_US)
+        .bind(now + LEASE_US)
         .bind(id.to_string())
         .bind(attempt)
+        .bind(now)
+        .bind(LEASE_US)
         .fetch_optional(&self.database.writer)
         .await?;
         Ok(cancel_requested == Some(0))

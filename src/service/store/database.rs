@@ -131,6 +131,15 @@ impl Database {
         }
     }
 
+    /// Follows `FROM jobs` where the index of offers is to be walked: they are few, and SQLite would look through all
+    /// jobs that wait.
+    pub fn along_offers(&self) -> &'static str {
+        match self.dialect {
+            Dialect::Sqlite => "INDEXED BY jobs_by_offer",
+            Dialect::Postgres => "",
+        }
+    }
+
     /// Ends a `SELECT` of rows that the same statement is going to change: servers that do the same at
     /// the same time take other rows instead of waiting for this one.
     pub fn skip_locked(&self) -> &'static str {

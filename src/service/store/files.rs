@@ -49,7 +49,12 @@ impl DataDir {
     }
 
     pub fn database(&self) -> PathBuf {
-        self.root.join("gridfall.sqlite")
+        Self::database_in(&self.root)
+    }
+
+    /// The database of a directory, whoever has it.
+    pub fn database_in(root: &Path) -> PathBuf {
+        root.join("gridfall.sqlite")
     }
 
     /// The name of the server that has this directory, the same after each restart. Whoever holds the

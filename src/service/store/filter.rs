@@ -19,12 +19,14 @@ pub struct Filter {
     pub created_after: Option<Timestamp>,
     pub created_before: Option<Timestamp>,
     pub sweep: Option<Uuid>,
+    /// The id of the key that the jobs are of.
+    pub key: Option<String>,
 }
 
 impl Filter {
-    /// True for all jobs.
+    /// True for all jobs, or all of a key.
     pub fn is_empty(&self) -> bool {
-        *self == Self::default()
+        *self == Self { key: self.key.clone(), ..Self::default() }
     }
 }
 
@@ -98,6 +100,9 @@ impl Filter {
 
     fn condition_by(&self, name_column: &str, values: &mut Values) -> String {
         let mut all = vec!["1 = 1".to_owned()];
+        if let Some(key) = &self.key {
+            all.push(format!("jobs.key_id = {}", values.text(key)));
+        }
         for tag in &self.tags {
             let tag = values.text(tag);
             all.push(format!("EXISTS (SELECT 1 FROM job_tags WHERE job_tags.seq = jobs.seq AND tag = {tag})"));
@@ -142,7 +147,10 @@ impl Filter {
             if few_names { ("(status || '')", "+jobs.seq") } else { ("status", "jobs.seq") };
         let mut statuses: Vec<String> =
             self.statuses.iter().map(|status| format!("{status_column} = '{status}' AND")).collect();
-        if statuses.is_empty() {
+        if statuses.is_empty() && self.key.is_some() {
+            // The index of keys is by status.
+            statuses.extend(Status::ALL.iter().map(|status| format!("{status_column} = '{status}' AND")));
+        } else if statuses.is_empty() {
             statuses.push(String::new());
         }
         let tag = self.tags.first().filter(|_| way.along == Along::Tag);

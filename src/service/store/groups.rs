@@ -60,7 +60,9 @@ impl JobStore {
                 (SELECT 1 FROM jobs WHERE name >= $1 AND name < $1 || '\u{10FFFF}' LIMIT 1000) AS few";
             way.names_are_many = self.one(sql, Value::Text(prefix.into())).await? == Some(MANY);
         }
-        if filter.tags.is_empty() || filter.tags.len() + filter.statuses.len() < 2 {
+        // A tag may be that of many jobs of other keys.
+        let conditions = filter.tags.len() + filter.statuses.len() + usize::from(filter.key.is_some());
+        if filter.tags.is_empty() || conditions < 2 {
             return Ok((filter, way));
         }
         let mut tags = Vec::new();
@@ -88,26 +90,31 @@ impl JobStore {
         Ok(found.map(|(number,)| number))
     }
 
-    /// Adds their places in the queue to jobs that wait: for each priority the place of the first, and from there on
-    /// a walk along the queue to the last.
+    /// Adds their places in the queue to jobs that wait: for each key and priority the place of the first, and from
+    /// there on a walk along the queue to the last.
     async fn place(&self, jobs: &mut [Job]) -> Result<()> {
-        let mut ranges: BTreeMap<i64, (i64, i64)> = BTreeMap::new();
+        let mut ranges: BTreeMap<(String, i64), (i64, i64)> = BTreeMap::new();
         for job in jobs.iter().filter(|job| job.status == Status::Queued) {
-            let (first, last) = ranges.entry(job.priority).or_insert((job.seq, job.seq));
+            let line = (job.key.clone().unwrap_or_default(), job.priority);
+            let (first, last) = ranges.entry(line).or_insert((job.seq, job.seq));
             (*first, *last) = (job.seq.min(*first), job.seq.max(*last));
         }
         let along_queue = self.database.along_queue();
         let mut places: BTreeMap<i64, i64> = BTreeMap::new();
-        for (priority, (first, last)) in ranges {
+        for ((key, priority), (first, last)) in ranges {
             let found: Vec<(i64, i64)> = sqlx::query_as(AssertSqlSafe(format!(
                 "SELECT seq, row_number() OVER (ORDER BY seq) + \
-                   (SELECT count(*) FROM jobs {along_queue} WHERE status = 'queued' AND priority > $1) + \
-                   (SELECT count(*) FROM jobs {along_queue} WHERE status = 'queued' AND priority = $1 AND seq < $2) \
-                 FROM jobs {along_queue} WHERE status = 'queued' AND priority = $1 AND seq BETWEEN $2 AND $3"
+                   (SELECT count(*) FROM jobs {along_queue} \
+                     WHERE status = 'queued' AND key_id = $4 AND priority > $1) + \
+                   (SELECT count(*) FROM jobs {along_queue} \
+                     WHERE status = 'queued' AND key_id = $4 AND priority = $1 AND seq < $2) \
+                 FROM jobs {along_queue} WHERE status = 'queued' AND key_id = $4 AND priority = $1 \
+                   AND seq BETWEEN $2 AND $3"
             )))
             .bind(priority)
             .bind(first)
             .bind(last)
+            .bind(key)
             .fetch_all(&self.database.reader)
             .await?;
             places.extend(found);
@@ -128,18 +135,20 @@ impl JobStore {
         Ok(self.counted(row.into_iter().collect()).await?.pop())
     }
 
-    /// Newest first; if `before` is given, only those accepted before that one. Those without jobs are left out.
-    pub async fn sweeps(&self, before: Option<Uuid>, limit: i64) -> Result<Vec<Sweep>> {
+    /// Newest first; if `key` is given, those of that key, and if `before` is, only those accepted before that one.
+    /// Those without jobs are left out.
+    pub async fn sweeps(&self, key: Option<&str>, before: Option<Uuid>, limit: i64) -> Result<Vec<Sweep>> {
         // Ids begin with the time, and `g` is after all of them.
-        let rows: Vec<(String, String, i64)> = sqlx::query_as(
-            "SELECT id, name, created_at FROM sweeps \
-             WHERE id < $1 AND EXISTS (SELECT 1 FROM jobs WHERE jobs.sweep = sweeps.id) ORDER BY id DESC LIMIT $2",
-        )
-        .bind(before.map_or_else(|| "g".to_owned(), |id| id.to_string()))
-        .bind(limit)
-        .fetch_all(&self.database.reader)
-        .await?;
-        self.counted(rows).await
+        let mut values = Values::default();
+        let before = values.text(before.map_or_else(|| "g".to_owned(), |id| id.to_string()));
+        let of_key = key.map_or_else(String::new, |key| format!("key_id = {} AND", values.text(key)));
+        let limit = values.int(limit);
+        let sql = format!(
+            "SELECT id, name, created_at FROM sweeps WHERE {of_key} id < {before} \
+             AND EXISTS (SELECT 1 FROM jobs WHERE jobs.sweep = sweeps.id) ORDER BY id DESC LIMIT {limit}"
+        );
+        let query = sqlx::query_as::<_, (String, String, i64)>(AssertSqlSafe(sql));
+        self.counted(values.bind_as(query).fetch_all(&self.database.reader).await?).await
     }
 
     /// Sweeps with how far they are.

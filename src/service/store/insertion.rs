@@ -14,8 +14,8 @@ const SIZES: [usize; 4] = [64, 16, 4, 1];
 
 const JOB_COLUMNS: &str = "id, name, scene_sha256, idempotency_key, request_sha256, status, created_at, particles, \
     frames, end_time_s, integrator, integrator_reason, notices, priority, tags, deadline, estimate_s, sweep, \
-    sweep_values";
-const JOB_VALUES: usize = 19;
+    sweep_values, key_id";
+const JOB_VALUES: usize = 20;
 
 /// Adds jobs to the table in order. The caller holds the queue's lock.
 pub(super) async fn insert(
@@ -57,7 +57,7 @@ async fn insert_rows(
             .bind(id.to_string())
             .bind(&new.name)
             .bind(&new.scene_sha256)
-            .bind(&new.idempotency_key)
+            .bind(new.owner.mark(&new.idempotency_key))
             .bind(&new.request_sha256)
             .bind(Status::Queued.as_str())
             .bind(now)
@@ -72,7 +72,8 @@ async fn insert_rows(
             .bind(new.deadline.map(|time| time.as_microsecond()))
             .bind(new.estimate_s)
             .bind(sweep.map(|sweep| sweep.to_string()))
-            .bind(serde_json::to_string(&new.sweep_values).expect("values were JSON"));
+            .bind(serde_json::to_string(&new.sweep_values).expect("values were JSON"))
+            .bind(&new.owner.key);
     }
     Ok(query.fetch_all(&mut **tx).await?.into_iter().collect())
 }
@@ -94,6 +95,7 @@ fn queued(new: &NewJob, seq: i64, id: Uuid, sweep: Option<Uuid>, now: i64) -> sq
     Ok(Job {
         seq,
         id,
+        key: Some(new.owner.key.clone()).filter(|key| !key.is_empty()),
         name: new.name.clone(),
         tags: new.tags.clone(),
         priority: new.priority,

@@ -84,9 +84,28 @@ pub struct Progress {
     pub run_s: f64,
 }
 
+/// Whose a job or a sweep is.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Owner {
+    /// The id of a key; empty where nobody was asked for one.
+    pub key: String,
+    /// Most jobs of the key that may wait.
+    pub max_queued: Option<i64>,
+}
+
+impl Owner {
+    /// An idempotency key as the table has it: that of one owner is none of another's. Clients can send no line break.
+    pub(super) fn mark(&self, idempotency_key: &Option<String>) -> Option<String> {
+        let marked =
+            |given: &String| if self.key.is_empty() { given.clone() } else { format!("{}\n{given}", self.key) };
+        idempotency_key.as_ref().map(marked)
+    }
+}
+
 /// A client's request, already found valid.
 #[derive(Clone, Debug, Default)]
 pub struct NewJob {
+    pub owner: Owner,
     pub name: String,
     pub tags: Vec<String>,
     /// Higher ones run first.
@@ -119,8 +138,10 @@ pub struct NewJob {
 /// A client's request to run many jobs as one.
 #[derive(Clone, Debug, Default)]
 pub struct NewSweep {
-    pub name: String,
+    pub owner: Owner,
+    /// Of the same owner.
     pub jobs: Vec<NewJob>,
+    pub name: String,
     /// As that of a [`NewJob`].
     pub idempotency_key: Option<String>,
     pub request_sha256: String,
@@ -131,6 +152,8 @@ pub struct Job {
     /// Order of acceptance.
     pub seq: i64,
     pub id: Uuid,
+    /// The id of the key that it is of; none where nobody was asked for one.
+    pub key: Option<String>,
     pub name: String,
     pub tags: Vec<String>,
     /// Higher ones run first.
@@ -154,7 +177,7 @@ pub struct Job {
     /// The newest frame that an attempt can go on from.
     pub checkpoint_frame: Option<u64>,
     pub cancel_requested: bool,
-    /// 1 for the job that runs next; `None` unless queued.
+    /// 1 for the job of its key that runs next; `None` unless queued.
     pub queue_position: Option<i64>,
     pub particles: u64,
     pub frames: u64,

@@ -15,11 +15,14 @@ mod groups;
 mod hashed;
 mod insertion;
 mod job;
+mod keys;
 mod offers;
 mod requests;
 mod row;
 mod scenes;
 mod submissions;
+mod turns;
+mod usage;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -30,9 +33,11 @@ pub use assets::{Asset, AssetFiles};
 pub use files::{AttemptFiles, DataDir, JobFiles};
 pub use filter::Filter;
 pub use groups::Sweep;
-pub use job::{Failure, Job, NewJob, NewSweep, Progress, Status};
+pub use job::{Failure, Job, NewJob, NewSweep, Owner, Progress, Status};
+pub use keys::{Key, MAX_KEY_NAME, NewKey, Quotas, Scope, Secret, Standing};
 pub use offers::{Candidate, Offer, OfferEnd, Taken};
 pub use scenes::SceneFiles;
+pub use usage::{USAGE_DAYS, Upload, Usage};
 
 use clock::Clock;
 use database::{CONNECTIONS, Database};
@@ -82,6 +87,8 @@ pub enum Submission<T = Job> {
     /// Another request was accepted under this idempotency key.
     KeyReused,
     QueueFull,
+    /// So many jobs of its owner wait, and no more may.
+    OwnerFull(i64),
 }
 
 /// Result of a deletion.

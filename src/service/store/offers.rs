@@ -4,13 +4,15 @@
 //! processes that were started for one attempt, by a server that died between the offer and its note, one gets the
 //! job and the other ends.
 
+use std::collections::VecDeque;
+
 use sqlx::any::AnyRow;
 use sqlx::{AssertSqlSafe, FromRow, Row};
 use uuid::Uuid;
 
 use super::attempts::CLAIMED;
 use super::row::{ClaimRow, uuid};
-use super::{Claim, Failure, JobStore, LEASE, MAX_DEATHS, Result, Status, known};
+use super::{Claim, Failure, JobStore, LEASE, MAX_DEATHS, Result, Status, known, turns};
 
 /// A job that waits and has not been offered.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,17 +70,37 @@ pub enum OfferEnd {
 }
 
 impl JobStore {
-    /// The next jobs to offer: those with the highest priority that have waited longest.
+    /// The next jobs to offer, at most so many: by turns of the keys that they are of, as [`JobStore::claim`] takes
+    /// them. What was offered counts as what runs.
     pub async fn candidates(&self, limit: i64) -> Result<Vec<Candidate>> {
+        let now = self.clock.now();
+        let mut lines = Vec::new();
+        for line in turns::lines(&self.database.reader, &self.database, now).await? {
+            let waiting = VecDeque::from(self.candidates_of(&line.key, limit, now).await?);
+            lines.push((line, waiting));
+        }
+        let mut candidates = Vec::new();
+        while candidates.len() < limit as usize {
+            let free = lines.iter_mut().filter(|(line, waiting)| line.has_room() && !waiting.is_empty());
+            let Some((line, waiting)) = free.min_by_key(|(line, _)| line.rank()) else { break };
+            line.busy += 1;
+            candidates.extend(waiting.pop_front());
+        }
+        Ok(candidates)
+    }
+
+    /// The next jobs of a key to offer: those with the highest priority that have waited longest.
+    async fn candidates_of(&self, key: &str, limit: i64, now: i64) -> Result<Vec<Candidate>> {
         let rows: Vec<CandidateRow> = sqlx::query_as(AssertSqlSafe(format!(
             "SELECT jobs.id, attempt, jobs.name, sweep, estimate_s, \
                (SELECT sweeps.name FROM sweeps WHERE sweeps.id = jobs.sweep) AS sweep_name FROM jobs {} \
-             WHERE status = 'queued' AND offered_attempt IS NULL \
+             WHERE status = 'queued' AND jobs.key_id = $3 AND offered_attempt IS NULL \
                AND (deadline IS NULL OR deadline >= $1 OR attempt > 0) ORDER BY priority DESC, seq LIMIT $2",
             self.database.along_queue()
         )))
-        .bind(self.clock.now())
+        .bind(now)
         .bind(limit)
+        .bind(key)
         .fetch_all(&self.database.reader)
         .await?;
         Ok(rows.into_iter().map(|row| row.0).collect())

@@ -43,15 +43,17 @@ impl JobStore {
         Ok(scene.bind(id.to_string()).fetch_optional(&self.database.reader).await?)
     }
 
-    /// The newest job that has run a scene to its end in this build, on the server of that name.
-    pub async fn finished(&self, scene_sha256: &str, owner: &str) -> Result<Option<Job>> {
+    /// The newest job of a key, or of nobody, that has run a scene to its end in this build, on the server of that
+    /// name.
+    pub async fn finished(&self, scene_sha256: &str, owner: &str, key: &str) -> Result<Option<Job>> {
         let row: Option<JobRow> = sqlx::query_as(select_jobs(
-            "WHERE scene_sha256 = $1 AND status = 'succeeded' AND build = $2 AND owner = $3 \
+            "WHERE scene_sha256 = $1 AND status = 'succeeded' AND build = $2 AND owner = $3 AND key_id = $4 \
              ORDER BY jobs.seq DESC LIMIT 1",
         ))
         .bind(scene_sha256)
         .bind(build())
         .bind(owner)
+        .bind(key)
         .fetch_optional(&self.database.reader)
         .await?;
         Ok(row.map(|row| row.0))

@@ -13,7 +13,7 @@ use super::{Claim, Failure, Job, Progress};
 pub(super) const COLUMNS: &str = "jobs.seq, jobs.id, name, status, created_at, started_at, finished_at, attempt, \
     deaths, checkpoint_frame, cancel_requested, particles, frames, end_time_s, sim_time_s, step, frames_written, \
     run_s, integrator, integrator_reason, notices, backend, failure_code, failure_message, priority, tags, deadline, \
-    estimate_s, sweep, sweep_values, cluster_job";
+    estimate_s, sweep, sweep_values, cluster_job, jobs.key_id";
 
 /// `SELECT` of jobs, followed by the given clauses, which hold no text of a client.
 pub(super) fn select_jobs(clauses: &str) -> AssertSqlSafe<String> {
@@ -31,6 +31,7 @@ impl FromRow<'_, AnyRow> for JobRow {
             seq: row.try_get("seq")?,
             id: uuid(row.try_get("id")?)?,
             name: row.try_get("name")?,
+            key: Some(row.try_get("key_id")?).filter(|key: &String| !key.is_empty()),
             status: row.try_get::<String, _>("status")?.parse().map_err(decode::<String>)?,
             created_at: timestamp(row.try_get("created_at")?)?,
             started_at: row.try_get::<Option<i64>, _>("started_at")?.map(timestamp).transpose()?,
@@ -107,7 +108,7 @@ pub(super) fn uuid(text: String) -> sqlx::Result<Uuid> {
     Uuid::parse_str(&text).map_err(decode)
 }
 
-fn timestamp(us: i64) -> sqlx::Result<Timestamp> {
+pub(super) fn timestamp(us: i64) -> sqlx::Result<Timestamp> {
     Timestamp::from_microsecond(us).map_err(decode)
 }
 

@@ -1,6 +1,6 @@
 //! Adding jobs to the table.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 
 use sqlx::any::Any;
@@ -10,7 +10,8 @@ use uuid::Uuid;
 use super::database::Database;
 use super::insertion::{insert, pieces, rows};
 use super::row::{JobRow, select_jobs, uuid};
-use super::{Job, JobStore, NewJob, NewSweep, Result, Submission};
+use super::turns::catch_up;
+use super::{Job, JobStore, NewJob, NewSweep, Owner, Result, Submission};
 
 /// A job to be added, and the most jobs that may wait.
 pub(super) type NewSubmission = (NewJob, i64);
@@ -32,21 +33,24 @@ impl JobStore {
         let mut accepted = Vec::new();
         let mut verdicts = Vec::with_capacity(batch.len());
         for (new, max_queued) in batch {
-            let same = new.idempotency_key.as_deref().and_then(|key| earlier.get(key));
+            let idempotency_key = new.owner.mark(&new.idempotency_key);
+            let same = idempotency_key.as_ref().and_then(|key| earlier.get(key));
             verdicts.push(match same {
                 Some(same) if same.request_sha256 != new.request_sha256 => Verdict::KeyReused,
                 Some(same) => Verdict::Repeats(same.job.clone()),
                 None if queue.waiting() >= *max_queued => Verdict::QueueFull,
+                None if let Some(most) = queue.full(&new.owner, 1) => Verdict::OwnerFull(most),
                 None => {
                     let job = Earlier { request_sha256: new.request_sha256.clone(), job: Known::New(accepted.len()) };
                     accepted.push(new);
-                    if let Some(key) = &new.idempotency_key {
-                        earlier.insert(key.clone(), job);
+                    if let Some(key) = idempotency_key {
+                        earlier.insert(key, job);
                     }
-                    Verdict::Accepted { place: queue.add(new.priority) }
+                    Verdict::Accepted { place: queue.add(&new.owner, new.priority) }
                 }
             });
         }
+        queue.let_in(&mut tx).await?;
         let jobs = insert(&mut tx, &accepted, None, self.clock.now()).await?;
         // In the order of the verdicts that accepted them.
         let mut fresh = jobs.clone().into_iter();
@@ -55,6 +59,7 @@ impl JobStore {
             submissions.push(match verdict {
                 Verdict::KeyReused => Submission::KeyReused,
                 Verdict::QueueFull => Submission::QueueFull,
+                Verdict::OwnerFull(most) => Submission::OwnerFull(most),
                 Verdict::Accepted { place } => {
                     let job = fresh.next().expect("a job for each");
                     Submission::Accepted(Job { queue_position: Some(place), ..job })
@@ -72,9 +77,10 @@ impl JobStore {
     /// Adds all jobs of a sweep to the queue, or none if it has no room for all. Returns the sweep's id.
     pub async fn submit_sweep(&self, new: &NewSweep, max_queued: i64) -> Result<Submission<Uuid>> {
         let mut tx = self.database.lock_queue().await?;
+        let idempotency_key = new.owner.mark(&new.idempotency_key);
         let earlier: Option<(String, String)> =
             sqlx::query_as("SELECT id, request_sha256 FROM sweeps WHERE idempotency_key = $1")
-                .bind(&new.idempotency_key)
+                .bind(&idempotency_key)
                 .fetch_optional(&mut *tx)
                 .await?;
         if let Some((id, request_sha256)) = earlier {
@@ -83,18 +89,27 @@ impl JobStore {
                 false => Submission::KeyReused,
             });
         }
-        if Queue::now(&self.database, &mut tx).await?.waiting() + new.jobs.len() as i64 > max_queued {
+        let mut queue = Queue::now(&self.database, &mut tx).await?;
+        let jobs = new.jobs.len() as i64;
+        if queue.waiting() + jobs > max_queued {
             return Ok(Submission::QueueFull);
         }
+        if let Some(most) = queue.full(&new.owner, jobs) {
+            return Ok(Submission::OwnerFull(most));
+        }
+        queue.add(&new.owner, 0);
+        queue.let_in(&mut tx).await?;
         let (id, now) = (Uuid::now_v7(), self.clock.now());
         sqlx::query(
-            "INSERT INTO sweeps (id, name, created_at, idempotency_key, request_sha256) VALUES ($1, $2, $3, $4, $5)",
+            "INSERT INTO sweeps (id, name, created_at, idempotency_key, request_sha256, key_id) \
+             VALUES ($1, $2, $3, $4, $5, $6)",
         )
         .bind(id.to_string())
         .bind(&new.name)
         .bind(now)
-        .bind(&new.idempotency_key)
+        .bind(&idempotency_key)
         .bind(&new.request_sha256)
+        .bind(&new.owner.key)
         .execute(&mut *tx)
         .await?;
         insert(&mut tx, &new.jobs.iter().collect::<Vec<_>>(), Some(id), now).await?;
@@ -103,29 +118,54 @@ impl JobStore {
     }
 }
 
-/// The queue as a transaction sees it, which keeps everybody else from adding to it: the jobs that wait at each
-/// priority.
-struct Queue(BTreeMap<i64, i64>);
+/// The queue as a transaction sees it, which keeps everybody else from adding to it: the jobs that wait, by key and
+/// priority, and the keys whose first job comes now.
+struct Queue {
+    lines: BTreeMap<String, BTreeMap<i64, i64>>,
+    newcomers: BTreeSet<String>,
+}
 
 impl Queue {
     async fn now(database: &Database, tx: &mut Transaction<'static, Any>) -> sqlx::Result<Self> {
-        let counts: Vec<(i64, i64)> = sqlx::query_as(AssertSqlSafe(format!(
-            "SELECT priority, count(*) FROM jobs {} WHERE status = 'queued' GROUP BY priority",
+        let counts: Vec<(String, i64, i64)> = sqlx::query_as(AssertSqlSafe(format!(
+            "SELECT key_id, priority, count(*) FROM jobs {} WHERE status = 'queued' GROUP BY key_id, priority",
             database.along_queue()
         )))
         .fetch_all(&mut **tx)
         .await?;
-        Ok(Self(counts.into_iter().collect()))
+        let mut lines: BTreeMap<String, BTreeMap<i64, i64>> = BTreeMap::new();
+        for (key, priority, jobs) in counts {
+            lines.entry(key).or_default().insert(priority, jobs);
+        }
+        Ok(Self { lines, newcomers: BTreeSet::new() })
     }
 
     fn waiting(&self) -> i64 {
-        self.0.values().sum()
+        self.lines.values().flat_map(BTreeMap::values).sum()
     }
 
-    /// Adds a job. Returns its place.
-    fn add(&mut self, priority: i64) -> i64 {
-        *self.0.entry(priority).or_default() += 1;
-        self.0.range(priority..).map(|(_, waiting)| waiting).sum()
+    /// The most jobs of an owner that may wait, if it has no room for so many more.
+    fn full(&self, owner: &Owner, more: i64) -> Option<i64> {
+        let waiting: i64 = self.lines.get(&owner.key).map_or(0, |line| line.values().sum());
+        owner.max_queued.filter(|most| waiting + more > *most)
+    }
+
+    /// Adds a job. Returns its place among its owner's.
+    fn add(&mut self, owner: &Owner, priority: i64) -> i64 {
+        if !owner.key.is_empty() && !self.lines.contains_key(&owner.key) {
+            self.newcomers.insert(owner.key.clone());
+        }
+        let line = self.lines.entry(owner.key.clone()).or_default();
+        *line.entry(priority).or_default() += 1;
+        line.range(priority..).map(|(_, waiting)| waiting).sum()
+    }
+
+    /// Finds the turns of those whose first job comes.
+    async fn let_in(&self, tx: &mut Transaction<'static, Any>) -> sqlx::Result<()> {
+        for key in &self.newcomers {
+            catch_up(tx, key).await?;
+        }
+        Ok(())
     }
 }
 
@@ -135,6 +175,7 @@ enum Verdict {
     Repeats(Known),
     KeyReused,
     QueueFull,
+    OwnerFull(i64),
 }
 
 /// A job accepted under an idempotency key.
@@ -156,7 +197,7 @@ async fn earlier(
     tx: &mut Transaction<'static, Any>,
     batch: &[NewSubmission],
 ) -> sqlx::Result<HashMap<String, Earlier>> {
-    let keys: Vec<&str> = batch.iter().filter_map(|(new, _)| new.idempotency_key.as_deref()).collect();
+    let keys: Vec<String> = batch.iter().filter_map(|(new, _)| new.owner.mark(&new.idempotency_key)).collect();
     let mut found = HashMap::new();
     for keys in pieces(&keys) {
         let mut query = sqlx::query_as(AssertSqlSafe(format!(
@@ -164,7 +205,7 @@ async fn earlier(
             rows(1, keys.len())
         )));
         for key in keys {
-            query = query.bind(*key);
+            query = query.bind(key);
         }
         let jobs: Vec<(String, String, String)> = query.fetch_all(&mut **tx).await?;
         found.extend(
@@ -195,11 +236,13 @@ pub(super) async fn with_place<'c>(
 async fn place<'c>(executor: impl Executor<'c, Database = Any>, along_queue: &str, job: &Job) -> sqlx::Result<i64> {
     // Two counts along the index of the queue, which has no need of the jobs' rows.
     let place: i64 = sqlx::query_scalar(AssertSqlSafe(format!(
-        "SELECT (SELECT count(*) FROM jobs {along_queue} WHERE status = 'queued' AND priority > $1) + \
-         (SELECT count(*) FROM jobs {along_queue} WHERE status = 'queued' AND priority = $1 AND seq <= $2)"
+        "SELECT (SELECT count(*) FROM jobs {along_queue} WHERE status = 'queued' AND key_id = $3 AND priority > $1) + \
+         (SELECT count(*) FROM jobs {along_queue} WHERE status = 'queued' AND key_id = $3 AND priority = $1 \
+           AND seq <= $2)"
     )))
     .bind(job.priority)
     .bind(job.seq)
+    .bind(job.key.as_deref().unwrap_or_default())
     .fetch_one(executor)
     .await?;
     // It may have been claimed since it was read.

@@ -43,9 +43,24 @@ fn browsers_get_the_dashboard_and_programs_an_index() {
 fn people_can_use_the_dashboard() {
     let dir = tempfile::tempdir().unwrap();
     let server = Server::start(dir.path());
+    use_in_a_browser(&server, "pictures", "", &[]);
+}
+
+#[test]
+fn people_sign_in_to_the_dashboard_of_a_server_with_keys() {
+    let dir = tempfile::tempdir().unwrap();
+    let key = super::keys::keys(dir.path(), &["create", "people"]);
+    let server = Server::start(dir.path());
+    let steps = ["peopleSignIn", "whatIsSignedInCanDoItAll", "theReferenceIsShownUnderItsPolicy", "peopleSignOut"];
+    use_in_a_browser(&server, "pictures-of-keys", &key, &steps);
+}
+
+fn use_in_a_browser(server: &Server, pictures: &str, key: &str, steps: &[&str]) {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/dashboard/run");
     let tools = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap().join("dashboard");
-    let ran = Command::new(script).arg(&tools).arg(&server.url).arg(tools.join("pictures")).output().unwrap();
+    let mut command = Command::new(script);
+    command.arg(&tools).arg(&server.url).arg(tools.join(pictures)).args(steps).env("GRIDFALL_API_KEY", key);
+    let ran = command.output().unwrap();
     let said = format!("{}{}", String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));
     println!("{said}");
     assert!(ran.status.success(), "{said}");

@@ -162,6 +162,7 @@ async fn a_sweep_is_accepted_as_a_whole_or_not_at_all(store: JobStore) {
         jobs: [("a", 1), ("b", 2), ("c", 3)].map(swept).into(),
         idempotency_key: Some("k".into()),
         request_sha256: "three".into(),
+        ..NewSweep::default()
     };
     assert!(matches!(store.submit_sweep(&keyed, 2).await.unwrap(), Submission::QueueFull));
     assert_eq!(store.list(&Filter::default(), None, 10).await.unwrap(), []);
@@ -191,13 +192,13 @@ async fn a_sweep_is_accepted_as_a_whole_or_not_at_all(store: JobStore) {
     let later = NewSweep { jobs: vec![new_job("d")], ..NewSweep::default() };
     let Submission::Accepted(later) = store.submit_sweep(&later, 9).await.unwrap() else { panic!() };
     let ids = |sweeps: Vec<Sweep>| sweeps.into_iter().map(|sweep| sweep.id).collect::<Vec<_>>();
-    let all = store.sweeps(None, 9).await.unwrap();
+    let all = store.sweeps(None, None, 9).await.unwrap();
     assert_eq!(all[1].jobs, BTreeMap::from([("canceled", 2), ("succeeded", 1)]));
     assert_eq!(ids(all), [later, id]);
-    assert_eq!(ids(store.sweeps(None, 1).await.unwrap()), [later]);
-    assert_eq!(ids(store.sweeps(Some(later), 9).await.unwrap()), [id]);
+    assert_eq!(ids(store.sweeps(None, None, 1).await.unwrap()), [later]);
+    assert_eq!(ids(store.sweeps(None, Some(later), 9).await.unwrap()), [id]);
     store.delete_all(&of_it, 9).await.unwrap();
-    assert_eq!(ids(store.sweeps(None, 9).await.unwrap()), [later], "without jobs there is no sweep");
+    assert_eq!(ids(store.sweeps(None, None, 9).await.unwrap()), [later], "without jobs there is no sweep");
 }
 
 fn swept((name, seed): (&str, u64)) -> NewJob {
@@ -226,7 +227,7 @@ async fn a_finished_job_is_found_by_its_scene(store: JobStore) {
     for sha in ["x", "x", "y"] {
         submit(&store, scene(sha)).await;
     }
-    assert_eq!(store.finished("x", "me").await.unwrap(), None);
+    assert_eq!(store.finished("x", "me", "").await.unwrap(), None);
     let mut last = None;
     while let Some(claim) = store.claim("me").await.unwrap() {
         let backend = gridfall_engine::Backend {
@@ -240,10 +241,10 @@ async fn a_finished_job_is_found_by_its_scene(store: JobStore) {
         store.finish(claim.id, claim.attempt, &Outcome::Succeeded).await.unwrap();
         last = Some(claim.id);
     }
-    let found = store.finished("x", "me").await.unwrap().unwrap();
+    let found = store.finished("x", "me", "").await.unwrap().unwrap();
     assert_eq!((found.name.as_str(), found.seq), ("x", 2), "the newest");
-    assert_eq!(store.finished("y", "me").await.unwrap().map(|job| job.id), last);
-    assert_eq!(store.finished("x", "another server").await.unwrap(), None, "its files are elsewhere");
+    assert_eq!(store.finished("y", "me", "").await.unwrap().map(|job| job.id), last);
+    assert_eq!(store.finished("x", "another server", "").await.unwrap(), None, "its files are elsewhere");
 }
 
 async fn jobs_that_ended_long_ago_are_deleted(store: JobStore) {

@@ -1,6 +1,7 @@
 //! The job store keeps its promises, whatever the order of calls, on SQLite and on PostgreSQL.
 
 mod groups;
+mod keys;
 mod leases;
 mod offers;
 mod outages;

@@ -106,6 +106,7 @@ async fn submissions_at_the_same_time_are_judged_as_if_one_came_after_the_other(
                 reused += 1;
             }
             Submission::QueueFull => refused += 1,
+            Submission::OwnerFull(_) => panic!("nobody has a quota"),
         }
     }
     let count = accepted.len() as i64;

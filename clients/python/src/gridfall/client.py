@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import functools
 import inspect
+import os
 import re
 import time
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Mapping
@@ -219,15 +220,18 @@ def _iterated_async(
     return _dressed(method, operation)
 
 
-def _settings(url: str, headers: Mapping[str, str] | None) -> dict[str, Any]:
+def _settings(url: str, api_key: str | None, headers: Mapping[str, str] | None) -> dict[str, Any]:
+    api_key = os.environ.get("GRIDFALL_API_KEY") if api_key is None else api_key
+    shown = {"authorization": f"Bearer {api_key}"} if api_key else {}
     # Proxies of the environment lead away from this machine.
     local = urlsplit(url).hostname in ("127.0.0.1", "localhost", "::1")
-    return {"base_url": url.rstrip("/"), "headers": headers, "trust_env": not local}
+    return {"base_url": url.rstrip("/"), "headers": {**shown, **(headers or {})}, "trust_env": not local}
 
 
 class Client:
     """A server, by its address. Calls return when they are done; `AsyncClient` has the same ones to be awaited.
 
+    - api_key: the key that the server asks for; otherwise that of `GRIDFALL_API_KEY`, if there is one.
     - retries: how often a call is repeated when the connection breaks or the server asks for patience.
     - headers: sent with every call.
     - transport: another one of httpx.
@@ -237,13 +241,14 @@ class Client:
         self,
         url: str = DEFAULT_URL,
         *,
+        api_key: str | None = None,
         retries: int = 6,
         headers: Mapping[str, str] | None = None,
         transport: httpx.BaseTransport | None = None,
     ) -> None:
         self.url = url
         self.manners = Manners(retries)
-        self.separate = functools.partial(httpx.Client, transport=transport, **_settings(url, headers))
+        self.separate = functools.partial(httpx.Client, transport=transport, **_settings(url, api_key, headers))
         self.http = self.separate()
 
     def close(self) -> None:
@@ -302,13 +307,14 @@ class AsyncClient:
         self,
         url: str = DEFAULT_URL,
         *,
+        api_key: str | None = None,
         retries: int = 6,
         headers: Mapping[str, str] | None = None,
         transport: httpx.AsyncBaseTransport | None = None,
     ) -> None:
         self.url = url
         self.manners = Manners(retries)
-        self.http = httpx.AsyncClient(transport=transport, **_settings(url, headers))
+        self.http = httpx.AsyncClient(transport=transport, **_settings(url, api_key, headers))
 
     async def close(self) -> None:
         """Closes the connections."""

@@ -83,6 +83,10 @@ class InvalidScene(ApiError):
     """A scene has faults, which `faults` lists all."""
 
 
+class NotAllowed(ApiError):
+    """The key is missing or not good, or it does not allow this; or a quota of it is used up."""
+
+
 class NotFound(ApiError):
     """There is no such job, output, scene or asset."""
 
@@ -103,6 +107,14 @@ def refusal(status: int, body: bytes) -> ApiError:
         problem = None
     if not isinstance(problem, dict):
         problem = {"title": f"HTTP {status}", "detail": body[:200].decode(errors="replace")}
-    kinds: dict[int, type[ApiError]] = {404: NotFound, 409: Conflict, 412: Conflict, 429: NotReady, 503: NotReady}
+    kinds: dict[int, type[ApiError]] = {
+        401: NotAllowed,
+        403: NotAllowed,
+        404: NotFound,
+        409: Conflict,
+        412: Conflict,
+        429: NotReady,
+        503: NotReady,
+    }
     kind = InvalidScene if problem.get("code") == "invalid_scene" else kinds.get(status, ApiError)
     return kind(status, problem)

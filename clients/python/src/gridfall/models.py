@@ -128,12 +128,13 @@ class Job(Part):
     - id
     - integrator: How the job is integrated: `explicit` or `implicit`.
     - integrator_reason: Why, in a sentence.
+    - key: The id of the key that the job belongs to; null where nobody was asked for one.
     - name
     - notices: What was mended in the scene, and what may not be what was meant.
     - particles
     - priority: Jobs of a higher priority run first.
     - progress
-    - queue_position: 1 for the job that runs next; null unless queued.
+    - queue_position: 1 for the job of its key that runs next; null unless queued.
     - run_s: Wall time of the run so far (s), without the time to load the scene.
     - started_at: When the current attempt started.
     - status
@@ -163,6 +164,8 @@ class Job(Part):
     """How the job is integrated: `explicit` or `implicit`."""
     integrator_reason: str = field(metadata=member())
     """Why, in a sentence."""
+    key: str | None = field(metadata=member())
+    """The id of the key that the job belongs to; null where nobody was asked for one."""
     name: str = field(metadata=member())
     notices: list[Notice] = field(metadata=member(of="[Notice]"))
     """What was mended in the scene, and what may not be what was meant."""
@@ -171,7 +174,7 @@ class Job(Part):
     """Jobs of a higher priority run first."""
     progress: Progress = field(metadata=member(of="Progress"))
     queue_position: int | None = field(metadata=member())
-    """1 for the job that runs next; null unless queued."""
+    """1 for the job of its key that runs next; null unless queued."""
     run_s: float = field(metadata=member())
     """Wall time of the run so far (s), without the time to load the scene."""
     started_at: datetime | None = field(metadata=member(of="datetime"))

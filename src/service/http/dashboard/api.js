@@ -11,6 +11,9 @@ export class ApiError extends Error {
 /** The server did not answer. */
 export class Unreachable extends Error {}
 
+/** What happens when the server asks for a key. */
+export const door = { closed: () => {} };
+
 /** Sends a request and returns the answer. `body` is sent as JSON; a string is JSON already. */
 export async function request(method, path, { body, headers = {}, signal } = {}) {
   const given = body === undefined ? {} : { "content-type": "application/json" };
@@ -24,6 +27,7 @@ export async function request(method, path, { body, headers = {}, signal } = {})
   }
   connection.found();
   if (answer.ok) return answer;
+  if (answer.status === 401 && path !== "/v1/session") door.closed();
   const problem = await answer.json().catch(() => null);
   throw new ApiError(problem ?? { title: `The server answered ${answer.status}`, status: answer.status, detail: "" });
 }

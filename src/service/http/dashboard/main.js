@@ -1,8 +1,9 @@
 // The page around the views: which one is shown, the colours, and whether the server can be reached.
 
-import { connection } from "./api.js";
+import { connection, door } from "./api.js";
 import { h } from "./dom.js";
 import { jobs } from "./jobs.js";
+import { signIn, signedIn } from "./signin.js";
 import { submit } from "./submit.js";
 import { sweep } from "./sweep.js";
 import { sweeps } from "./sweeps.js";
@@ -45,7 +46,7 @@ function show(first) {
   }
 }
 
-addEventListener("hashchange", () => show(false));
+addEventListener("hashchange", () => main.dataset.view === "signin" || show(false));
 document.getElementById("skip").addEventListener("click", (event) => {
   event.preventDefault();
   main.focus();
@@ -87,4 +88,12 @@ connection.changed = (seconds) => {
   }, 1000);
 };
 
-show(true);
+door.closed = () => {
+  if (main.dataset.view === "signin") return;
+  leave.abort();
+  leave = new AbortController();
+  signIn(main, () => location.reload());
+};
+
+if (await signedIn()) show(true);
+else door.closed();

@@ -10,6 +10,19 @@ pub fn of(code: Code) -> &'static str {
         Code::InvalidPath => "An id has not the form of ids. Take ids from answers of the server.",
         Code::InvalidQuery => "`detail` names the parameter. Correct it, or leave it out.",
         Code::InvalidHeader => "`detail` names the header and its form. Correct it, or leave it out.",
+        Code::KeyRequired => {
+            "Send `Authorization: Bearer KEY`, or sign in to the dashboard. Whoever runs the server makes keys: \
+             `gridfall keys create`."
+        }
+        Code::KeyRefused => {
+            "`detail` says whether the key is out of form, unknown, expired or revoked. Whoever runs the server makes \
+             and renews keys: `gridfall keys`."
+        }
+        Code::InsufficientScope => "`detail` names the scope that is missing. Ask for a key that has it.",
+        Code::QuotaExceeded => {
+            "`detail` names the quota, its value and what is used of it. Make room or wait, or ask whoever runs the \
+             server for more: `gridfall keys limit`."
+        }
         Code::ForeignOrigin => {
             "A browser sent this for a page of another origin. Name that origin to the server if it may change \
              things here: `gridfall serve --cors-origin`."

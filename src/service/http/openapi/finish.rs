@@ -3,13 +3,29 @@
 
 use serde_json::{Map, Value, json};
 
+use super::super::auth::needed;
+use super::super::caller::COOKIE;
 use super::super::problem::Code;
 use super::rows;
+use crate::store::Scope;
 use gridfall_scene as scene;
 
 /// The document, ready for clients.
 pub fn finish(mut document: Value) -> Value {
-    document["security"] = json!([]);
+    document["components"]["securitySchemes"] = json!({
+        "key": {
+            "type": "http",
+            "scheme": "bearer",
+            "description": "A key (`gf_…`), as `gridfall keys create` shows it once.",
+        },
+        "cookie": {
+            "type": "apiKey",
+            "in": "cookie",
+            "name": COOKIE,
+            "description": "The same, as browsers have it that have signed in (`PUT /v1/session`).",
+        },
+    });
+    document["security"] = asked(None);
     document["servers"] = json!([{
         "url": "http://{address}",
         "description": "A server, by default on this machine",
@@ -29,8 +45,12 @@ pub fn finish(mut document: Value) -> Value {
     for (_, request) in components.iter_mut().filter(|(name, _)| REQUESTS.contains(&name.as_str())) {
         members(&mut request["properties"]).for_each(left_out);
     }
-    for item in members(&mut document["paths"]) {
-        for operation in members(item) {
+    for (path, item) in document["paths"].as_object_mut().into_iter().flatten() {
+        for (method, operation) in item.as_object_mut().into_iter().flatten() {
+            operation["security"] = match needed(method, path) {
+                None => json!([]),
+                scope => asked(scope),
+            };
             let parameters = operation.get_mut("parameters").and_then(Value::as_array_mut);
             parameters.into_iter().flatten().for_each(|parameter| not_null(&mut parameter["schema"]));
         }
@@ -40,12 +60,18 @@ pub fn finish(mut document: Value) -> Value {
     document
 }
 
+/// What an operation asks of its callers: a key of a scope, unless the server asks nobody.
+fn asked(scope: Option<Scope>) -> Value {
+    let scopes: Vec<&str> = scope.iter().map(|scope| scope.as_str()).collect();
+    json!([{}, { "key": scopes }, { "cookie": scopes }])
+}
+
 fn members(value: &mut Value) -> impl Iterator<Item = &mut Value> {
     value.as_object_mut().into_iter().flat_map(Map::values_mut)
 }
 
 /// What clients send.
-const REQUESTS: &[&str] = &["SubmitJob", "RerunJob", "SubmitSweep", "JobFilter", "KeepScene", "TestMaterial"];
+const REQUESTS: &[&str] = &["SubmitJob", "RerunJob", "SubmitSweep", "JobFilter", "KeepScene", "SignIn", "TestMaterial"];
 
 /// What answers lead to: where in them the id is that other operations take.
 const LINKS: &[(&str, &str, &str, &str, &[&str])] = &[

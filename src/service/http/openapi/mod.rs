@@ -13,7 +13,9 @@ use utoipa::openapi::path::{Operation, ParameterIn};
 use utoipa::openapi::response::{Response, ResponseBuilder};
 use utoipa::openapi::{ContentBuilder, OpenApi as Document, Ref, RefOr};
 
+use super::auth::needed;
 use super::{dto, router};
+use crate::store::Scope;
 
 /// Media type of errors.
 pub const PROBLEM: &str = "application/problem+json";
@@ -27,8 +29,9 @@ pub const PROBLEM: &str = "application/problem+json";
             and download their recordings.\n\n\
             Every error is an RFC 9457 problem with a stable `code`; \
             clients should go by it and ignore members and codes they do not know.\n\n\
-            Nobody is asked for a key (`security` is empty): a server listens to its own machine only, \
-            unless it was told otherwise.",
+            A server without keys asks nobody for one, and listens to its own machine only, unless it was told \
+            otherwise. One with keys asks for them everywhere but where `security` is empty; the scope that an \
+            operation needs stands in its `security`. What belongs to another key is answered as what is not there.",
         license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0"),
     ),
     components(schemas(dto::Problem)),
@@ -38,6 +41,7 @@ pub const PROBLEM: &str = "application/problem+json";
         (name = "outputs", description = "What jobs produce"),
         (name = "scenes", description = "What can be run"),
         (name = "assets", description = "Files that scenes name"),
+        (name = "keys", description = "Who asks, and what it has used"),
         (name = "health", description = "For operators"),
         (name = "meta", description = "The API itself"),
     ),
@@ -70,11 +74,9 @@ pub async fn openapi() -> Json<&'static Value> {
 pub(super) fn complete(document: &mut Document) {
     for (path, item) in &mut document.paths.paths {
         let operations =
-            [(&mut item.get, false), (&mut item.post, true), (&mut item.put, true), (&mut item.delete, true)];
-        for (operation, changes) in
-            operations.into_iter().filter_map(|(slot, changes)| slot.as_mut().zip(Some(changes)))
-        {
-            for (status, codes) in common_problems(path, operation, changes) {
+            [(&mut item.get, "get"), (&mut item.post, "post"), (&mut item.put, "put"), (&mut item.delete, "delete")];
+        for (operation, method) in operations.into_iter().filter_map(|(slot, method)| slot.as_mut().zip(Some(method))) {
+            for (status, codes) in common_problems(path, operation, method) {
                 operation.responses.responses.entry(status.to_owned()).or_insert_with(|| problem(&codes));
             }
             for response in operation.responses.responses.values_mut() {
@@ -89,7 +91,7 @@ pub(super) fn complete(document: &mut Document) {
 }
 
 /// Codes by status that any operation of this form may answer with.
-fn common_problems(path: &str, operation: &Operation, changes: bool) -> BTreeMap<&'static str, Vec<&'static str>> {
+fn common_problems(path: &str, operation: &Operation, method: &str) -> BTreeMap<&'static str, Vec<&'static str>> {
     let takes = |kind: ParameterIn| {
         let mut parameters = operation.parameters.iter().flatten();
         parameters.any(|parameter| matches!(parameter, RefOr::T(parameter) if parameter.parameter_in == kind))
@@ -112,8 +114,30 @@ fn common_problems(path: &str, operation: &Operation, changes: bool) -> BTreeMap
     if takes(ParameterIn::Query) {
         add("400", &["invalid_query"]);
     }
-    if changes {
+    let scope = needed(method, path);
+    if scope.is_some() {
+        add("401", &["key_required", "key_refused"]);
+    }
+    if scope > Some(Scope::Read) {
+        add("403", &["insufficient_scope"]);
+    }
+    if method != "get" {
         add("403", &["foreign_origin", "unknown_host"]);
+    }
+    if matches!(
+        operation.operation_id.as_deref(),
+        Some(
+            "submit_job"
+                | "rerun_job"
+                | "submit_sweep"
+                | "validate_sweep"
+                | "validate_scene"
+                | "keep_scene"
+                | "keep_scene_of_recording"
+                | "upload_asset"
+        )
+    ) {
+        add("403", &["quota_exceeded"]);
     }
     if operation.request_body.is_some() {
         add("415", &["unsupported_encoding"]);

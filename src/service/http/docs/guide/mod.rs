@@ -62,6 +62,5 @@ fn send(kind: &'static str, content: &'static [u8], headers: &HeaderMap) -> Resu
     version.write(answer.headers_mut());
     let policy = HeaderValue::from_static(POLICY);
     answer.headers_mut().insert(header::CONTENT_SECURITY_POLICY, policy);
-    answer.headers_mut().insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
     Ok(answer)
 }
