@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use uuid::Uuid;
@@ -12,10 +12,12 @@ use super::logs::LogArguments;
 use super::serve::{opener, positive, runtime};
 use super::{CliError, interrupt};
 use gridfall_service::jobs::{Order, ProcessError, Settings, work_off};
-use gridfall_service::store::{DataDir, JobStore, Status};
+use gridfall_service::store::{DataDir, JobStore, Status, StoreError};
 
 /// How often progress is written. There may be many such processes.
 const HEARTBEAT: Duration = Duration::from_secs(1);
+/// How long to wait for the database at the start.
+const PATIENCE: Duration = Duration::from_secs(300);
 /// How long a frame may take to end when the process is to stop. Schedulers kill after 30 s.
 const GRACE: Duration = Duration::from_secs(25);
 
@@ -55,7 +57,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let status = runtime.block_on(async {
         let stop = interrupt::requested().map_err(|error| failed(&error))?;
         let data = DataDir::join(&arguments.data_dir).map_err(|error| failed(&error))?;
-        let store = JobStore::connect_sparingly(&arguments.database).await.map_err(|error| failed(&error))?;
+        let store = connect(&arguments.database).await.map_err(|error| failed(&error))?;
         let order = Order {
             store,
             data: Arc::new(data),
@@ -83,5 +85,19 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         // So that the scheduler's record says so, too.
         Some(Status::Failed) => Err(CliError::Failed(format!("job {} failed; see its log", arguments.job))),
         _ => Ok(()),
+    }
+}
+
+/// Waits for a database that is away, or has no connection left.
+async fn connect(url: &str) -> Result<JobStore, StoreError> {
+    let started = Instant::now();
+    loop {
+        match JobStore::connect_sparingly(url).await {
+            Err(error @ (StoreError::Unreachable { .. } | StoreError::Database(_))) if started.elapsed() < PATIENCE => {
+                tracing::warn!("{error}; it is tried again");
+                tokio::time::sleep(HEARTBEAT).await;
+            }
+            ended => return ended,
+        }
     }
 }

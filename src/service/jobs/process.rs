@@ -7,9 +7,9 @@ use tokio::runtime::Handle;
 use tokio::time::sleep;
 use uuid::Uuid;
 
-use super::worker::Context;
+use super::worker::{Afterwards, Context};
 use super::{OpenDevices, Settings, Shared};
-use crate::store::{Claim, DataDir, JobStore, LEASE, Status, StoreError, Taken};
+use crate::store::{Claim, DataDir, JobStore, LEASE, Status, StoreError, Taken, owner};
 use gridfall_engine::EngineError;
 
 /// How long to wait for the attempt before this one: for its lease to be over, by whatever clock.
@@ -37,6 +37,8 @@ pub enum ProcessError {
     Store(#[from] StoreError),
     #[error("there is nothing to run: {0}")]
     NotNeeded(String),
+    #[error("the device was lost; see the job's log")]
+    Lost,
     #[error("the process's own thread died")]
     Thread,
 }
@@ -51,16 +53,18 @@ pub async fn work_off(order: Order, stop: impl Future<Output = ()> + Send + 'sta
         stop.await;
         stopping.stop();
     });
-    let owner = format!("cluster job {cluster_job}");
-    let take = (store.clone(), shared.clone(), owner.clone());
+    let owner = owner(&cluster_job);
+    let take = (store.clone(), shared.clone());
     let context = Context { store, data, owner, settings, shared, runtime: Handle::current() };
     let runtime = Handle::current();
     // Devices are used on the thread that opens them. They come first: where there is none, no attempt is lost.
     let run = move || {
         let source = devices()?;
-        let (store, shared, owner) = take;
-        let claim = runtime.block_on(claim(&store, &shared, job, attempt, &owner, &cluster_job))?;
-        context.run(&claim, source.as_ref());
+        let (store, shared) = take;
+        let claim = runtime.block_on(claim(&store, &shared, job, attempt, &cluster_job))?;
+        if context.run(&claim, source.as_ref()) == Afterwards::ReopenDevices {
+            return Err(ProcessError::Lost);
+        }
         let job = runtime.block_on(store.get(job))?;
         job.map(|job| job.status).ok_or_else(|| ProcessError::NotNeeded("the job was deleted".into()))
     };
@@ -73,13 +77,12 @@ async fn claim(
     shared: &Shared,
     job: Uuid,
     attempt: i64,
-    owner: &str,
     cluster_job: &str,
 ) -> Result<Claim, ProcessError> {
     let started = Instant::now();
     loop {
         let late = started.elapsed() > PATIENCE;
-        match store.take(job, attempt, owner, cluster_job).await {
+        match store.take(job, attempt, cluster_job).await {
             Ok(Taken::Claimed(claim)) => return Ok(claim),
             Ok(Taken::Never(why)) => return Err(ProcessError::NotNeeded(why)),
             Ok(Taken::NotYet) if late => return Err(ProcessError::NotNeeded("the attempt before lives".into())),

@@ -177,9 +177,10 @@ impl Observer for Follower<'_> {
             Ok(true) => {}
             // The heartbeat will find out, too, and end the attempt.
             Ok(false) => return,
-            Err(error) => tracing::warn!(job = %id, %error, "cannot note a checkpoint"),
+            // Somebody else may have the job by now, and need what came before.
+            Err(error) => return tracing::warn!(job = %id, %error, "cannot note a checkpoint"),
         }
-        if let Err(error) = self.files.keep_only(attempt) {
+        if let Err(error) = self.files.forget_before(attempt) {
             tracing::warn!(job = %id, %error, "cannot remove what earlier attempts left");
         }
     }

@@ -11,7 +11,7 @@ use tokio::time::timeout;
 use super::attempt::{self, Ending};
 use super::cluster::{Cluster, Dispatcher};
 use super::{DeviceState, EngineSource, OpenDevices, Shared, StatusLabel, log};
-use crate::store::{AttemptFiles, Claim, DataDir, JobStore, Outcome, Status, StoreError};
+use crate::store::{AttemptFiles, Claim, DataDir, JobFiles, JobStore, Outcome, Status, StoreError};
 use gridfall_recording as recording;
 use gridfall_scene::Limits;
 
@@ -126,16 +126,36 @@ async fn recover(store: &JobStore, data: &DataDir, owner: &str) -> Result<(), St
         tracing::warn!(job = %job.id, status = %job.status, "found running after a crash");
         let files = data.job(job.id);
         log::note(&files, &format!("the server died; the job is {}", job.status));
-        if job.status.is_terminal()
-            && let Some(attempt) = files.attempts().unwrap_or_default().first()
-        {
-            keep_partial_recording(&files.attempt(*attempt));
+        if job.status.is_terminal() {
+            put_in_order(&files);
         }
     }
-    if let Err(error) = data.sweep(&store.ids().await?) {
-        tracing::warn!(%error, "cannot remove the files of deleted jobs");
+    match data.sweep(&store.ids().await?) {
+        Ok(false) => {}
+        Ok(true) => tracing::warn!(
+            "the job database knows none of the jobs whose files are in the data directory; if it is the wrong one, \
+             restart with --database; if not, remove the folders in jobs/"
+        ),
+        Err(error) => tracing::warn!(%error, "cannot remove the files of deleted jobs"),
     }
     Ok(())
+}
+
+/// Does for a job that has ended without its last attempt what that had been to do.
+pub(super) fn put_in_order(files: &JobFiles) {
+    if let Some(&attempt) = files.attempts().unwrap_or_default().first() {
+        keep_partial_recording(&files.attempt(attempt));
+        tidy(files, attempt);
+    }
+}
+
+/// Removes what only a job that goes on needs.
+fn tidy(files: &JobFiles, attempt: i64) {
+    let checkpoints = files.attempt(attempt).checkpoints();
+    let removed = if checkpoints.exists() { std::fs::remove_dir_all(checkpoints) } else { Ok(()) };
+    if let Err(error) = removed.and_then(|()| files.forget_before(attempt)) {
+        tracing::warn!(job = %files.folder().display(), %error, "cannot remove what a job no longer needs");
+    }
 }
 
 /// Completes the recording of a canceled or failed attempt.
@@ -233,7 +253,11 @@ impl Context {
         }
         if let Some(status) = status.filter(|status| status.is_terminal()) {
             self.shared.counters.finished.get_or_create(&StatusLabel { status }).inc();
-            self.tidy(claim);
+            if matches!(ending, Ending::Stopped) {
+                // It was canceled while it was to stop.
+                keep_partial_recording(&files.attempt(claim.attempt));
+            }
+            tidy(&files, claim.attempt);
         }
         match ending {
             Ending::Lost(_) | Ending::Finished { devices_suspect: true, .. } => Afterwards::ReopenDevices,
@@ -256,16 +280,6 @@ impl Context {
             && let Ok(wait) = Duration::try_from(jiff::Timestamp::now().duration_since(job.created_at))
         {
             self.shared.counters.waited(wait);
-        }
-    }
-
-    /// Removes what only a job that goes on needs.
-    fn tidy(&self, claim: &Claim) {
-        let files = self.data.job(claim.id);
-        let checkpoints = files.attempt(claim.attempt).checkpoints();
-        let removed = if checkpoints.exists() { std::fs::remove_dir_all(checkpoints) } else { Ok(()) };
-        if let Err(error) = removed.and_then(|()| files.keep_only(claim.attempt)) {
-            tracing::warn!(job = %claim.id, %error, "cannot remove what a job no longer needs");
         }
     }
 

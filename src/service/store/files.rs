@@ -98,16 +98,21 @@ impl DataDir {
         JobFiles { dir: self.root.join("jobs").join(id.to_string()) }
     }
 
-    /// Removes the folders of jobs that no longer exist.
-    pub fn sweep(&self, known: &HashSet<Uuid>) -> io::Result<()> {
+    /// Removes the folders of jobs that no longer exist. If that would be all of several, none is removed: it is more
+    /// likely that the database is another one. Returns whether that is so.
+    pub fn sweep(&self, known: &HashSet<Uuid>) -> io::Result<bool> {
+        let mut folders = Vec::new();
         for entry in fs::read_dir(self.root.join("jobs"))? {
             let entry = entry?;
             let id = entry.file_name().to_str().and_then(|name| Uuid::parse_str(name).ok());
-            if id.is_some_and(|id| !known.contains(&id)) {
-                fs::remove_dir_all(entry.path())?;
-            }
+            folders.extend(id.map(|id| (id, entry.path())));
         }
-        Ok(())
+        if folders.len() > 1 && !folders.iter().any(|(id, _)| known.contains(id)) {
+            return Ok(true);
+        }
+        folders.retain(|(id, _)| !known.contains(id));
+        folders.into_iter().try_for_each(|(_, folder)| fs::remove_dir_all(folder))?;
+        Ok(false)
     }
 }
 
@@ -143,9 +148,9 @@ impl JobFiles {
         Ok(attempts)
     }
 
-    /// Removes the outputs of all attempts but one.
-    pub fn keep_only(&self, attempt: i64) -> io::Result<()> {
-        let others = self.attempts()?.into_iter().filter(|&other| other != attempt);
+    /// Removes the outputs of the attempts before this one.
+    pub fn forget_before(&self, attempt: i64) -> io::Result<()> {
+        let others = self.attempts()?.into_iter().filter(|&other| other < attempt);
         others.map(|other| self.dir.join(other.to_string())).try_for_each(fs::remove_dir_all)
     }
 

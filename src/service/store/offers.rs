@@ -25,6 +25,8 @@ pub struct Candidate {
     pub sweep: Option<(Uuid, String)>,
     /// Foretold wall time (s).
     pub estimate_s: Option<f64>,
+    /// Attempts before it that died, without a newer checkpoint between them.
+    pub deaths: i64,
 }
 
 /// An attempt of which the scheduler may still have something.
@@ -37,7 +39,9 @@ pub struct Offer {
     pub cluster_job: String,
     /// That of the job.
     pub status: Status,
-    /// Whether the attempt has begun. If the job waits all the same, the attempt is over.
+    /// The last attempt that has begun.
+    pub begun: i64,
+    /// Whether that is this one, in this process. If the job waits all the same, the attempt is over.
     pub claimed: bool,
     /// Whether the lease of the last attempt that has begun is over.
     pub expired: bool,
@@ -56,9 +60,23 @@ pub enum Taken {
     Never(String),
 }
 
+impl Offer {
+    /// Whether the job has gone on without it, such as on another server.
+    pub fn is_passed(&self) -> bool {
+        !self.claimed && self.begun >= self.attempt
+    }
+}
+
+/// Who holds the lease of an attempt that a process of the scheduler's runs.
+pub fn owner(cluster_job: &str) -> String {
+    format!("cluster job {cluster_job}")
+}
+
 /// How the scheduler's part of an attempt ended.
 #[derive(Clone, Debug, PartialEq)]
 pub enum OfferEnd {
+    /// The job has gone on without it.
+    Passed,
     /// Somebody canceled it there.
     Canceled,
     /// It is over, and the job had no part in that: it is offered again.
@@ -92,7 +110,7 @@ impl JobStore {
     /// The next jobs of a key to offer: those with the highest priority that have waited longest.
     async fn candidates_of(&self, key: &str, limit: i64, now: i64) -> Result<Vec<Candidate>> {
         let rows: Vec<CandidateRow> = sqlx::query_as(AssertSqlSafe(format!(
-            "SELECT jobs.id, attempt, jobs.name, sweep, estimate_s, \
+            "SELECT jobs.id, attempt, deaths, jobs.name, sweep, estimate_s, \
                (SELECT sweeps.name FROM sweeps WHERE sweeps.id = jobs.sweep) AS sweep_name FROM jobs {} \
              WHERE status = 'queued' AND jobs.key_id = $3 AND offered_attempt IS NULL \
                AND (deadline IS NULL OR deadline >= $1 OR attempt > 0) ORDER BY priority DESC, seq LIMIT $2",
@@ -106,11 +124,13 @@ impl JobStore {
         Ok(rows.into_iter().map(|row| row.0).collect())
     }
 
-    /// Notes that an attempt was offered. Returns false if the job needs it no longer.
+    /// Notes that an attempt was offered, whose process may have begun already. Returns false if the job needs it no
+    /// longer.
     pub async fn offered(&self, id: Uuid, attempt: i64, cluster_job: &str) -> Result<bool> {
         let changed = sqlx::query(
             "UPDATE jobs SET cluster_job = $1, offered_attempt = $2 \
-             WHERE id = $3 AND status = 'queued' AND attempt = $2 - 1 AND offered_attempt IS NULL",
+             WHERE id = $3 AND (status = 'queued' AND attempt = $2 - 1 AND offered_attempt IS NULL \
+               OR cluster_job = $1 AND offered_attempt = $2)",
         )
         .bind(cluster_job)
         .bind(attempt)
@@ -124,7 +144,7 @@ impl JobStore {
     /// The attempts of which the scheduler may still have something.
     pub async fn offers(&self) -> Result<Vec<Offer>> {
         let rows: Vec<OfferRow> = sqlx::query_as(
-            "SELECT id, attempt, offered_attempt, cluster_job, status, cancel_requested, finished_at, \
+            "SELECT id, attempt, owner, offered_attempt, cluster_job, status, cancel_requested, finished_at, \
                CASE WHEN lease_until < $1 THEN CAST(1 AS BIGINT) ELSE 0 END AS expired FROM jobs \
              WHERE offered_attempt IS NOT NULL ORDER BY seq",
         )
@@ -134,9 +154,9 @@ impl JobStore {
         Ok(rows.into_iter().map(|row| row.0).collect())
     }
 
-    /// Claims a job for the attempt of this number, for a process of the scheduler's.
-    pub async fn take(&self, id: Uuid, attempt: i64, owner: &str, cluster_job: &str) -> Result<Taken> {
-        self.expire(|_| String::new()).await?;
+    /// Claims a job for the attempt of this number, for a process of the scheduler's. Leases of others are not looked
+    /// at: the process's machine may have a wrong clock.
+    pub async fn take(&self, id: Uuid, attempt: i64, cluster_job: &str) -> Result<Taken> {
         let now = self.clock.now();
         let row: Option<ClaimRow> = sqlx::query_as(AssertSqlSafe(format!(
             "UPDATE jobs SET {CLAIMED}, cluster_job = $4, offered_attempt = attempt + 1 \
@@ -144,7 +164,7 @@ impl JobStore {
                AND (deadline IS NULL OR deadline >= $3 OR attempt > 0) \
              RETURNING id, attempt, deaths, (SELECT scene FROM job_scenes WHERE job_scenes.seq = jobs.seq) AS scene"
         )))
-        .bind(owner)
+        .bind(owner(cluster_job))
         .bind(now + LEASE.as_micros() as i64)
         .bind(now)
         .bind(cluster_job)
@@ -162,17 +182,36 @@ impl JobStore {
         })
     }
 
+    /// What the scheduler may still have of jobs that were deleted.
+    pub async fn leftovers(&self) -> Result<Vec<String>> {
+        let names = sqlx::query_scalar("SELECT cluster_job FROM cluster_leftovers ORDER BY cluster_job LIMIT 1000");
+        Ok(names.fetch_all(&self.database.reader).await?)
+    }
+
+    /// The scheduler was told to end these.
+    pub async fn forget_leftovers(&self, names: &[String]) -> Result<()> {
+        for name in names {
+            let forget = sqlx::query("DELETE FROM cluster_leftovers WHERE cluster_job = $1").bind(name);
+            forget.execute(&self.database.writer).await?;
+        }
+        Ok(())
+    }
+
     /// Ends what is left of an offer. Returns the job's status, or `None` if it has moved on.
     pub async fn withdraw(&self, offer: &Offer, end: &OfferEnd) -> Result<Option<Status>> {
         // What a process died of is counted where its job was put back, or its lease ran out.
         let noted = offer.claimed && offer.status == Status::Queued;
         let (cancel, deaths, failure) = match end {
+            OfferEnd::Passed => (0, 0, None),
             OfferEnd::Canceled => (1, 0, None),
             OfferEnd::Interrupted => (0, 0, None),
             OfferEnd::TimedOut(failure) => (0, 1, Some(failure)),
             OfferEnd::Died(failure) => (0, i64::from(!noted), Some(failure)),
         };
-        let open = "status IN ('queued', 'running')";
+        let open = match end {
+            OfferEnd::Passed => "1 = 0",
+            _ => "status IN ('queued', 'running')",
+        };
         let canceled = format!("{open} AND (cancel_requested = 1 OR $1 = 1)");
         let failed = format!("{open} AND $2 = 1 AND deaths + $2 >= $3");
         let status: Option<String> = sqlx::query_scalar(AssertSqlSafe(format!(
@@ -184,7 +223,7 @@ impl JobStore {
                started_at = CASE WHEN {open} AND NOT ({canceled}) AND NOT ({failed}) THEN NULL ELSE started_at END, \
                failure_code = CASE WHEN {failed} AND NOT ({canceled}) THEN $6 ELSE failure_code END, \
                failure_message = CASE WHEN {failed} AND NOT ({canceled}) THEN $7 ELSE failure_message END \
-             WHERE id = $8 AND cluster_job = $9 AND offered_attempt = $4 AND status = $10 \
+             WHERE id = $8 AND cluster_job = $9 AND offered_attempt = $4 AND status = $10 AND attempt = $11 \
              RETURNING status"
         )))
         .bind(cancel)
@@ -197,6 +236,7 @@ impl JobStore {
         .bind(offer.id.to_string())
         .bind(&offer.cluster_job)
         .bind(offer.status.as_str())
+        .bind(offer.begun)
         .fetch_optional(&self.database.writer)
         .await?;
         Ok(status.map(known))
@@ -214,6 +254,7 @@ impl FromRow<'_, AnyRow> for CandidateRow {
             name: row.try_get("name")?,
             sweep: sweep.zip(row.try_get("sweep_name")?),
             estimate_s: row.try_get("estimate_s")?,
+            deaths: row.try_get("deaths")?,
         }))
     }
 }
@@ -222,13 +263,16 @@ struct OfferRow(Offer);
 
 impl FromRow<'_, AnyRow> for OfferRow {
     fn from_row(row: &AnyRow) -> sqlx::Result<Self> {
-        let attempt = row.try_get("offered_attempt")?;
+        let (attempt, begun) = (row.try_get("offered_attempt")?, row.try_get("attempt")?);
+        let cluster_job: String = row.try_get("cluster_job")?;
+        let holder: Option<String> = row.try_get("owner")?;
         Ok(Self(Offer {
             id: uuid(row.try_get("id")?)?,
             attempt,
-            cluster_job: row.try_get("cluster_job")?,
+            begun,
+            claimed: begun == attempt && holder.is_some_and(|holder| holder == owner(&cluster_job)),
+            cluster_job,
             status: known(row.try_get("status")?),
-            claimed: row.try_get::<i64, _>("attempt")? == attempt,
             expired: row.try_get::<i64, _>("expired")? != 0,
             cancel_requested: row.try_get::<i64, _>("cancel_requested")? != 0,
             finished_at: row.try_get("finished_at")?,

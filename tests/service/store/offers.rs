@@ -12,6 +12,9 @@ on_both!(
     a_job_is_offered_once_and_taken_by_one_process,
     the_next_attempt_waits_for_the_end_of_the_one_before,
     an_offer_that_was_not_noted_can_be_taken_all_the_same,
+    a_process_that_is_faster_than_the_note_keeps_its_job,
+    a_job_that_another_server_runs_is_left_alone,
+    what_deleted_jobs_leave_is_remembered,
     the_end_of_a_process_means_what_it_should,
     deaths_are_counted_once,
     times_that_were_up_are_counted_until_there_is_a_checkpoint,
@@ -29,7 +32,7 @@ async fn status(store: &JobStore, id: Uuid) -> Status {
 }
 
 async fn take(store: &JobStore, id: Uuid, attempt: i64, process: &str) -> bool {
-    let taken = store.take(id, attempt, process, process).await.unwrap();
+    let taken = store.take(id, attempt, process).await.unwrap();
     matches!(taken, Taken::Claimed(claim) if claim.attempt == attempt)
 }
 
@@ -64,11 +67,11 @@ async fn a_job_is_offered_once_and_taken_by_one_process(store: JobStore) {
 
     assert!(take(&store, first, 1, "7").await);
     for attempt in [1, 3] {
-        let again = store.take(first, attempt, "other", "8").await.unwrap();
+        let again = store.take(first, attempt, "8").await.unwrap();
         assert!(matches!(again, Taken::Never(_)), "{again:?}");
     }
     assert!(only_offer(&store).await.claimed);
-    assert!(matches!(store.take(Uuid::now_v7(), 1, "o", "9").await.unwrap(), Taken::Never(_)));
+    assert!(matches!(store.take(Uuid::now_v7(), 1, "9").await.unwrap(), Taken::Never(_)));
 }
 
 async fn the_next_attempt_waits_for_the_end_of_the_one_before(store: JobStore) {
@@ -76,10 +79,12 @@ async fn the_next_attempt_waits_for_the_end_of_the_one_before(store: JobStore) {
     let clock = time.clone();
     let store = store.with_clock(move || clock.load(Ordering::SeqCst));
     let (id, _) = taken(&store, 1, "7", None).await;
-    let early = store.take(id, 2, "8", "8").await.unwrap();
+    let early = store.take(id, 2, "8").await.unwrap();
     assert!(matches!(early, Taken::NotYet), "{early:?}");
     assert!(!only_offer(&store).await.expired);
     time.fetch_add(LEASE.as_micros() as i64 + 1, Ordering::SeqCst);
+    assert!(!take(&store, id, 2, "8").await, "its machine's clock may be wrong");
+    store.expire(|_| String::new()).await.unwrap();
     assert!(take(&store, id, 2, "8").await, "its lease is over");
     assert!(!store.heartbeat(id, 1, &Default::default()).await.unwrap());
     assert!(!store.finish(id, 1, &Outcome::Succeeded).await.unwrap());
@@ -94,6 +99,34 @@ async fn an_offer_that_was_not_noted_can_be_taken_all_the_same(store: JobStore) 
     assert!(!take(&store, id, 1, "8").await);
     // The end of 8 is not that of the attempt.
     assert_eq!(only_offer(&store).await.cluster_job, "7");
+}
+
+async fn a_process_that_is_faster_than_the_note_keeps_its_job(store: JobStore) {
+    let id = accept(&store, "a").await.id;
+    assert!(take(&store, id, 1, "7").await);
+    assert!(store.offered(id, 1, "7").await.unwrap(), "it is wanted");
+    assert!(!store.offered(id, 1, "8").await.unwrap());
+    assert!(only_offer(&store).await.claimed);
+}
+
+async fn a_job_that_another_server_runs_is_left_alone(store: JobStore) {
+    let id = accept(&store, "a").await.id;
+    assert!(store.offered(id, 1, "7").await.unwrap());
+    assert_eq!(store.claim("a server").await.unwrap().unwrap().attempt, 1);
+    let offer = only_offer(&store).await;
+    assert!(!offer.claimed && offer.is_passed());
+    assert_eq!(store.withdraw(&offer, &OfferEnd::Passed).await.unwrap(), Some(Status::Running));
+    assert!(store.offers().await.unwrap().is_empty());
+    assert!(store.heartbeat(id, 1, &Default::default()).await.unwrap());
+}
+
+async fn what_deleted_jobs_leave_is_remembered(store: JobStore) {
+    let (id, _) = taken(&store, 1, "7", None).await;
+    assert!(store.finish(id, 1, &Outcome::Succeeded).await.unwrap());
+    store.delete(id).await.unwrap();
+    assert_eq!(store.leftovers().await.unwrap(), ["7"]);
+    store.forget_leftovers(&["7".into()]).await.unwrap();
+    assert!(store.leftovers().await.unwrap().is_empty());
 }
 
 async fn the_end_of_a_process_means_what_it_should(store: JobStore) {

@@ -1,23 +1,35 @@
 //! The dispatcher: offers the jobs that wait, and settles the offers that are over.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use jiff::Timestamp;
-use tokio::time::timeout;
+use tokio::time::{sleep, timeout};
+use uuid::Uuid;
 
 use super::{Batch, Cluster, ClusterError, State};
+use crate::jobs::worker::put_in_order;
 use crate::jobs::{DeviceState, Shared, StatusLabel, log};
-use crate::store::{Candidate, DataDir, Failure, JobStore, Offer, OfferEnd, Status, StoreError};
+use crate::store::{Candidate, DataDir, Failure, JobStore, LEASE, Offer, OfferEnd, Status, StoreError};
 
 /// How long jobs that come together are gathered.
 const GATHER: Duration = Duration::from_millis(250);
 /// How long a process may take to end after its job.
 const LINGER: Duration = Duration::from_secs(60);
 /// Last bytes of a process's output that a failure quotes.
-const QUOTED: usize = 600;
+const QUOTED: u64 = 600;
+/// Jobs that are canceled with one question.
+const CANCELED_TOGETHER: usize = 500;
+/// Refusals after which a round offers no more.
+const REFUSALS: usize = 8;
+/// How long a job waits, in rounds: that the scheduler has refused, and after a process that died before it had begun,
+/// which is multiplied for each death.
+const ROUNDS_AFTER_REFUSAL: u32 = 12;
+const ROUNDS_AFTER_DEATH: u32 = 3;
 
 /// Hands jobs to a cluster's scheduler.
 pub struct Dispatcher {
@@ -29,6 +41,14 @@ pub struct Dispatcher {
     every: Duration,
     /// Offers that the scheduler may hold at a time.
     most: usize,
+    /// Jobs that are not offered before then. What is lost of this with the server is offered too soon.
+    paused: HashMap<Uuid, Instant>,
+    /// What the log of a job was last told of its waiting.
+    told: HashMap<Uuid, String>,
+    /// Why the scheduler takes nothing.
+    refusal: Option<String>,
+    /// The database was away: leases are not looked at before then, for whoever holds one could not renew it.
+    patient_until: Instant,
 }
 
 /// Why a round was not finished.
@@ -49,15 +69,27 @@ impl Dispatcher {
         every: Duration,
         most: usize,
     ) -> Self {
-        Self { store, data, shared, cluster, every, most }
+        let (paused, told) = (HashMap::new(), HashMap::new());
+        let patient_until = Instant::now();
+        Self { store, data, shared, cluster, every, most, paused, told, refusal: None, patient_until }
     }
 
     /// For ever.
-    pub async fn run(self) {
+    pub async fn run(mut self) {
         loop {
-            let state = match self.round().await {
-                Ok(()) => DeviceState::Ready(format!("{}: it starts a process for each job", self.cluster.name())),
-                Err(error) => DeviceState::Unusable(format!("{}: jobs wait: {error}", self.cluster.name())),
+            let name = self.cluster.name();
+            let trouble = match self.round().await {
+                Ok(()) => self.refusal.clone(),
+                Err(error) => {
+                    if matches!(error, Trouble::Store(_)) {
+                        self.patient_until = Instant::now() + LEASE;
+                    }
+                    Some(error.to_string())
+                }
+            };
+            let state = match trouble {
+                None => DeviceState::Ready(format!("{name}: it starts a process for each job")),
+                Some(trouble) => DeviceState::Unusable(format!("{name}: jobs wait: {trouble}")),
             };
             if let DeviceState::Unusable(reason) = &state
                 && self.shared.device() != state
@@ -65,71 +97,102 @@ impl Dispatcher {
                 tracing::error!("{reason}");
             }
             self.shared.set_device(0, state);
-            // A new job wakes it; all others wait for a while, so that what comes together is offered together.
-            let _ = timeout(self.every, self.shared.wake.notified()).await;
-            tokio::time::sleep(self.every.min(GATHER)).await;
+            // The scheduler is not asked more often than once a second, however many jobs come.
+            let least = self.every.min(Duration::from_secs(1));
+            sleep(least).await;
+            if timeout(self.every - least, self.shared.wake.notified()).await.is_ok() {
+                sleep(GATHER).await;
+            }
         }
     }
 
-    async fn round(&self) -> Result<(), Trouble> {
-        for job in self.store.expire(|id| log::tail(&self.data.job(id))).await? {
-            let note = format!("nothing was heard of its process for too long; the job is {}", job.status);
-            log::note(&self.data.job(job.id), &note);
+    async fn round(&mut self) -> Result<(), Trouble> {
+        if Instant::now() >= self.patient_until {
+            for job in self.store.expire(|id| log::tail(&self.data.job(id))).await? {
+                let files = self.data.job(job.id);
+                log::note(&files, &format!("nothing was heard of its process for too long; the job is {}", job.status));
+                self.ended(job.id, job.status);
+            }
         }
         let offers = self.store.offers().await?;
         let names: Vec<String> = offers.iter().map(|offer| offer.cluster_job.clone()).collect();
-        // Also without offers: so it is known whether there is a scheduler.
         let states = self.cluster.observe(&names).await?;
-        let mut unwanted = Vec::new();
-        let mut held = 0;
+        let leftovers = self.store.leftovers().await?;
+        let (mut unwanted, mut over, mut held) = (leftovers.clone(), Vec::new(), 0);
         for offer in &offers {
-            match states.get(&offer.cluster_job) {
-                Some(state @ (State::Waiting | State::Alive)) => {
-                    let over = is_over(offer, state);
-                    if over || is_unwanted(offer) {
-                        unwanted.push(offer.cluster_job.clone());
-                    }
-                    if over {
-                        self.settle(offer, Some(state)).await?;
-                    } else {
-                        held += 1;
-                    }
-                }
-                state => self.settle(offer, state).await?,
+            let state = states.get(&offer.cluster_job);
+            let there = matches!(state, Some(State::Waiting(_) | State::Alive));
+            let is_over = !there || is_over(offer, state);
+            // What was displaced may be started once more.
+            if there && (is_over || is_unwanted(offer)) || matches!(state, Some(State::Displaced(_))) {
+                unwanted.push(offer.cluster_job.clone());
+            }
+            if is_over {
+                over.push((offer, state));
+                continue;
+            }
+            held += 1;
+            if let Some(State::Waiting(reason)) = state {
+                self.tell(offer.id, &format!("it waits in {}: {reason}", self.cluster.name()));
             }
         }
-        if !unwanted.is_empty() {
-            self.cluster.cancel(&unwanted).await?;
+        // First, so that what fails here is tried again.
+        for names in unwanted.chunks(CANCELED_TOGETHER) {
+            self.cluster.cancel(names).await?;
+        }
+        self.store.forget_leftovers(&leftovers).await?;
+        for (offer, state) in over {
+            self.settle(offer, state).await?;
         }
         self.offer(self.most.saturating_sub(held)).await
     }
 
+    /// Says something in a job's log, unless it was said last.
+    fn tell(&mut self, job: Uuid, what: &str) {
+        if self.told.get(&job).is_none_or(|told| told != what) {
+            log::note(&self.data.job(job), what);
+            self.told.insert(job, what.to_owned());
+        }
+    }
+
+    /// Does what is to be done if that is a job's last state.
+    fn ended(&mut self, job: Uuid, status: Status) {
+        if status.is_terminal() {
+            self.shared.counters.finished.get_or_create(&StatusLabel { status }).inc();
+            put_in_order(&self.data.job(job));
+            self.told.remove(&job);
+            self.paused.remove(&job);
+        }
+    }
+
     /// Ends an offer that the scheduler has done with, or does not know.
-    async fn settle(&self, offer: &Offer, state: Option<&State>) -> Result<(), StoreError> {
+    async fn settle(&mut self, offer: &Offer, state: Option<&State>) -> Result<(), StoreError> {
         let Some(end) = self.end(offer, state) else { return Ok(()) };
         let Some(status) = self.store.withdraw(offer, &end).await? else { return Ok(()) };
-        let files = self.data.job(offer.id);
-        if status.is_terminal() && (offer.claimed || !offer.status.is_terminal()) {
-            self.shared.counters.finished.get_or_create(&StatusLabel { status }).inc();
-        }
-        if !offer.status.is_terminal() {
-            let why = match &end {
-                OfferEnd::Canceled => "somebody canceled it there".into(),
-                OfferEnd::Interrupted => match state {
-                    Some(State::Displaced(word)) => word.clone(),
-                    Some(State::Waiting) => "its place was taken back".into(),
-                    Some(State::Alive) => "nothing was heard of it for too long".into(),
-                    _ => "it put the job back".into(),
-                },
-                OfferEnd::TimedOut(failure) | OfferEnd::Died(failure) => failure.message.clone(),
+        let output = self.cluster.output(&offer.cluster_job);
+        if offer.status.is_terminal() {
+            self.told.remove(&offer.id);
+        } else if !matches!(end, OfferEnd::Passed) {
+            let why = match (&end, state) {
+                (OfferEnd::Canceled, _) => "somebody canceled it there".into(),
+                (OfferEnd::TimedOut(failure) | OfferEnd::Died(failure), _) => failure.message.clone(),
+                (_, Some(State::Displaced(word))) => word.clone(),
+                (_, Some(State::Waiting(_))) => "its place was taken back".into(),
+                _ => "nothing was heard of it for too long".into(),
             };
             let (cluster, job) = (self.cluster.name(), &offer.cluster_job);
-            log::note(&files, &format!("{cluster} job {job} is over: {why}; the job is {status}"));
+            self.tell(offer.id, &format!("{cluster} job {job} is over: {why}; the job is {status}"));
             tracing::info!(job = %offer.id, cluster_job = job, %status, why, "an offer is over");
+            if matches!(end, OfferEnd::Died(_)) && !offer.claimed {
+                // What is wrong is not wrong with the job, and may pass.
+                let deaths = self.store.get(offer.id).await?.map_or(0, |job| job.deaths);
+                let rounds = ROUNDS_AFTER_DEATH.saturating_pow(deaths.clamp(1, 8) as u32);
+                self.paused.insert(offer.id, Instant::now() + self.every * rounds);
+            }
+            self.ended(offer.id, status);
         }
-        let output = self.cluster.output(&offer.cluster_job);
-        // Of what went well nothing is to be read.
-        if status == Status::Succeeded || std::fs::metadata(&output).is_ok_and(|file| file.len() == 0) {
+        if !matches!(end, OfferEnd::Died(_)) {
+            // Nobody will want to read it.
             let _ = std::fs::remove_file(output);
         }
         Ok(())
@@ -153,12 +216,15 @@ impl Dispatcher {
         };
         Some(match state {
             _ if offer.status.is_terminal() => OfferEnd::Interrupted,
+            _ if offer.is_passed() => OfferEnd::Passed,
             Some(State::Canceled) => OfferEnd::Canceled,
-            Some(State::Waiting | State::Alive | State::Displaced(_)) => OfferEnd::Interrupted,
+            Some(State::Waiting(_) | State::Alive | State::Displaced(_)) => OfferEnd::Interrupted,
             Some(State::TimedOut) => OfferEnd::TimedOut(died("was not done when its time was up")),
             Some(State::Failed(word)) => OfferEnd::Died(died(&format!("ended as {word}"))),
-            // It put the job back.
-            Some(State::Completed) if waits && offer.claimed => OfferEnd::Interrupted,
+            // It was told that its time was nearly up, and put the job back.
+            Some(State::Completed) if waits && offer.claimed => {
+                OfferEnd::TimedOut(died("was told to stop, again and again before it had saved its state"))
+            }
             Some(State::Completed) => OfferEnd::Died(died("ended without bringing the job to an end")),
             None if waits && offer.claimed => OfferEnd::Interrupted,
             None if waits => OfferEnd::Died(died("is not known any more")),
@@ -168,21 +234,61 @@ impl Dispatcher {
     }
 
     /// Offers at most so many jobs.
-    async fn offer(&self, most: usize) -> Result<(), Trouble> {
+    async fn offer(&mut self, most: usize) -> Result<(), Trouble> {
+        self.paused.retain(|_, until| *until > Instant::now());
         if most == 0 {
             return Ok(());
         }
-        let candidates = self.store.candidates(most as i64).await?;
-        for batch in batches(candidates, self.cluster.largest_batch()) {
-            let names = self.cluster.submit(&batch).await?;
-            for (job, name) in batch.jobs.iter().zip(&names) {
-                if self.store.offered(job.id, job.attempt, name).await? {
-                    let note = format!("attempt {} was handed to {} as job {name}", job.attempt, self.cluster.name());
-                    log::note(&self.data.job(job.id), &note);
-                } else {
-                    self.cluster.cancel(std::slice::from_ref(name)).await?;
+        let mut candidates = self.store.candidates((most + self.paused.len()) as i64).await?;
+        if candidates.is_empty() {
+            self.refusal = None;
+        }
+        candidates.retain(|job| !self.paused.contains_key(&job.id));
+        candidates.truncate(most);
+        let mut batches = VecDeque::from(batches(candidates, self.cluster.largest_batch()));
+        let mut refusals = 0;
+        while let Some(batch) = batches.pop_front() {
+            match self.cluster.submit(&batch).await {
+                Ok(names) => {
+                    self.refusal = None;
+                    self.note(&batch, &names).await?;
+                }
+                Err(error) => {
+                    // One of them may be in the way of the others, or they may be too many.
+                    if let Some((first, second)) = batch.halves() {
+                        batches.push_front(second);
+                        batches.push_front(first);
+                    } else {
+                        let job = batch.jobs[0].id;
+                        self.tell(job, &format!("{} does not take it: {error}", self.cluster.name()));
+                        self.paused.insert(job, Instant::now() + self.every * ROUNDS_AFTER_REFUSAL);
+                    }
+                    self.refusal = Some(error.to_string());
+                    refusals += 1;
+                    if refusals == REFUSALS {
+                        break;
+                    }
                 }
             }
+        }
+        Ok(())
+    }
+
+    /// Notes what was offered.
+    async fn note(&mut self, batch: &Batch, names: &[String]) -> Result<(), Trouble> {
+        let mut unwanted = Vec::new();
+        for (job, name) in batch.jobs.iter().zip(names) {
+            if self.store.offered(job.id, job.attempt, name).await? {
+                self.tell(
+                    job.id,
+                    &format!("attempt {} was handed to {} as job {name}", job.attempt, self.cluster.name()),
+                );
+            } else {
+                unwanted.push(name.clone());
+            }
+        }
+        if !unwanted.is_empty() {
+            self.cluster.cancel(&unwanted).await?;
         }
         Ok(())
     }
@@ -201,12 +307,13 @@ fn is_unwanted(offer: &Offer) -> bool {
     }
 }
 
-/// Whether an attempt is over of which the scheduler still has something: it waits to be started once more, or its
-/// process was not heard of for too long. One that has put its job back is to end in the time of a lease, and the
-/// scheduler to tell why.
-fn is_over(offer: &Offer, state: &State) -> bool {
-    let open = !offer.status.is_terminal();
-    offer.claimed && open && (*state == State::Waiting || offer.status == Status::Queued && offer.expired)
+/// Whether an attempt is over of which the scheduler still has something: the job has gone on without it, it waits to
+/// be started once more, or its process was not heard of for too long. One that has put its job back is to end in the
+/// time of a lease, and the scheduler to tell why.
+fn is_over(offer: &Offer, state: Option<&State>) -> bool {
+    let waits_again = offer.claimed && matches!(state, Some(State::Waiting(_)));
+    let is_lost = offer.claimed && offer.status == Status::Queued && offer.expired;
+    !offer.status.is_terminal() && (offer.is_passed() || waits_again || is_lost)
 }
 
 /// Groups the first attempts at the jobs of a sweep; all others stand alone. Their order stays that of the first of
@@ -214,7 +321,7 @@ fn is_over(offer: &Offer, state: &State) -> bool {
 fn batches(candidates: Vec<Candidate>, largest: usize) -> Vec<Batch> {
     let mut batches: Vec<Batch> = Vec::new();
     // Where the group of a sweep is that has room.
-    let mut open: HashMap<uuid::Uuid, usize> = HashMap::new();
+    let mut open: HashMap<Uuid, usize> = HashMap::new();
     for job in candidates {
         let estimate_s = job.estimate_s.unwrap_or(0.0);
         let sweep = job.sweep.clone().filter(|_| job.attempt == 1);
@@ -223,6 +330,7 @@ fn batches(candidates: Vec<Candidate>, largest: usize) -> Vec<Batch> {
             && batches[at].jobs.len() < largest
         {
             batches[at].estimate_s = batches[at].estimate_s.max(estimate_s);
+            batches[at].deaths = batches[at].deaths.max(job.deaths);
             batches[at].jobs.push(job);
             continue;
         }
@@ -233,14 +341,30 @@ fn batches(candidates: Vec<Candidate>, largest: usize) -> Vec<Batch> {
             }
             None => (job.name.clone(), job.id),
         };
-        let attempt = job.attempt;
-        batches.push(Batch { jobs: vec![job], name, comment: comment.to_string(), estimate_s, attempt });
+        let (attempt, deaths) = (job.attempt, job.deaths);
+        batches.push(Batch { jobs: vec![job], name, comment: comment.to_string(), estimate_s, attempt, deaths });
     }
     batches
 }
 
+impl Batch {
+    /// Two of half the size; none of one job.
+    fn halves(&self) -> Option<(Self, Self)> {
+        let (first, second) = self.jobs.split_at(self.jobs.len() / 2);
+        let of = |jobs: &[Candidate]| Self { jobs: jobs.to_vec(), ..self.clone() };
+        (!first.is_empty()).then(|| (of(first), of(second)))
+    }
+}
+
 /// The last words of a process.
 fn tail(output: &Path) -> String {
-    let Ok(bytes) = std::fs::read(output) else { return String::new() };
-    String::from_utf8_lossy(&bytes[bytes.len().saturating_sub(QUOTED)..]).trim().to_owned()
+    let read = || -> io::Result<Vec<u8>> {
+        let mut file = File::open(output)?;
+        let length = file.metadata()?.len();
+        file.seek(SeekFrom::Start(length.saturating_sub(QUOTED)))?;
+        let mut bytes = Vec::new();
+        file.take(QUOTED).read_to_end(&mut bytes)?;
+        Ok(bytes)
+    };
+    String::from_utf8_lossy(&read().unwrap_or_default()).trim().to_owned()
 }

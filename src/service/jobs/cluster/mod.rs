@@ -24,8 +24,9 @@ pub struct ClusterError(pub String);
 /// What became of an offer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum State {
-    /// It waits to be started; perhaps once more, after the scheduler has taken back its place.
-    Waiting,
+    /// It waits to be started, perhaps once more after the scheduler has taken back its place; the scheduler's word for
+    /// what it waits for.
+    Waiting(String),
     /// It runs, or is about to end.
     Alive,
     /// Its process ended without an error.
@@ -50,8 +51,10 @@ pub struct Batch {
     pub comment: String,
     /// The longest wall time that was foretold for one of them (s).
     pub estimate_s: f64,
-    /// The number of the attempt. Each gets more time than the one before.
+    /// The number of the attempt.
     pub attempt: i64,
+    /// The most deaths that one of them has had without a newer checkpoint: it gets more time.
+    pub deaths: i64,
 }
 
 /// The answer to a question to the scheduler.
@@ -71,7 +74,8 @@ pub trait Cluster: Send + Sync {
     /// Ends what there is of these, running or not.
     fn cancel<'a>(&'a self, jobs: &'a [String]) -> Answer<'a, ()>;
 
-    /// What became of these. Those that the scheduler does not know, or no longer, are left out.
+    /// What became of these. Those that the scheduler does not know, or no longer, are left out. Asked for none, it
+    /// tells whether there is a scheduler.
     fn observe<'a>(&'a self, jobs: &'a [String]) -> Answer<'a, HashMap<String, State>>;
 
     /// The file with what the process of an offer wrote.

@@ -16,16 +16,34 @@ use super::{Answer, Batch, Cluster, ClusterError, State};
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Jobs of an array where Slurm does not say how many it takes.
 const USUAL_ARRAY: usize = 1000;
-/// The time of an attempt (min): at least so much, and so many times what was foretold. It is doubled for each attempt
-/// after the first, up to so often.
+/// The time of an attempt (min): at least so much, and so many times what was foretold. It is doubled for each death
+/// without a newer checkpoint, up to so often.
 const LEAST_MINUTES: f64 = 10.0;
 const TIMES_FORETOLD: f64 = 4.0;
 const DOUBLED: i64 = 6;
 /// Before the end of its time a process is told so long (s), to save its state.
 const WARNING_S: u32 = 60;
 /// Options of `sbatch` that are Gridfall's.
-const OWN: [&str; 9] =
-    ["--array", "--comment", "--export", "--job-name", "--output", "--parsable", "--requeue", "--signal", "--wrap"];
+const OWN: [&str; 16] = [
+    "--array",
+    "--chdir",
+    "--clusters",
+    "--comment",
+    "--error",
+    "--export",
+    "--hold",
+    "--job-name",
+    "--no-requeue",
+    "--open-mode",
+    "--output",
+    "--parsable",
+    "--requeue",
+    "--signal",
+    "--test-only",
+    "--wait",
+];
+/// Variables by which Slurm's programs would do or say something else than what is asked for, or begin with them.
+const IN_THE_WAY: [&str; 6] = ["SBATCH_EXPORT", "SBATCH_WAIT", "SBATCH_REQUEUE", "SQUEUE_", "SCANCEL_", "SACCT_"];
 
 /// How jobs are handed to Slurm.
 #[derive(Clone, Debug)]
@@ -86,7 +104,13 @@ impl Slurm {
         let mut program = vec![self.options.program.to_string_lossy().into_owned(), "worker".into()];
         program.extend(self.options.arguments.iter().cloned());
         let data_dir = self.options.data_dir.to_string_lossy().into_owned();
-        program.extend(["--data-dir".into(), data_dir, "--attempt".into(), batch.attempt.to_string()]);
+        program.extend([
+            "--quiet".into(),
+            "--data-dir".into(),
+            data_dir,
+            "--attempt".into(),
+            batch.attempt.to_string(),
+        ]);
         let program = shlex::try_join(program.iter().map(String::as_str)).expect("no argument has a zero byte");
         // Where processes are not confined to what their job was given, they keep to it all the same.
         format!(
@@ -103,7 +127,8 @@ impl Slurm {
     fn sbatch(&self, batch: &Batch) -> Vec<String> {
         let is_array = batch.jobs.len() > 1;
         // The file is named as the job is.
-        let output = outputs(&self.options).join(if is_array { "%A_%a.out" } else { "%A.out" });
+        let folder = outputs(&self.options).display().to_string().replace('%', "%%");
+        let output = format!("{folder}/{}.out", if is_array { "%A_%a" } else { "%A" });
         let mut options = vec![
             "--parsable".into(),
             // What cannot be put back is canceled by a controller that comes back and finds it on a node.
@@ -111,10 +136,13 @@ impl Slurm {
             format!("--job-name=gridfall {}", printable(&batch.name)),
             format!("--comment={}", batch.comment),
             format!("--chdir={}", self.options.data_dir.display()),
-            format!("--output={}", output.display()),
-            format!("--time={}", minutes(batch)),
+            format!("--output={output}"),
+            "--export=ALL".into(),
             format!("--signal=B:TERM@{WARNING_S}"),
         ];
+        if std::env::var_os("SBATCH_TIMELIMIT").is_none() {
+            options.push(format!("--time={}", minutes(batch)));
+        }
         if is_array {
             options.push(format!("--array=0-{}", batch.jobs.len() - 1));
         }
@@ -158,7 +186,8 @@ impl Cluster for Slurm {
 
     fn observe<'a>(&'a self, jobs: &'a [String]) -> Answer<'a, HashMap<String, State>> {
         Box::pin(async move {
-            let said = ask("squeue", ["--me", "--noheader", "--array", "--states=all", "--format=%i|%T"]).await?;
+            let said =
+                ask("squeue", ["--me", "--all", "--noheader", "--array", "--states=all", "--format=%i|%T|%r"]).await?;
             let mut states = states(&said);
             let gone: Vec<&str> = jobs.iter().filter(|&job| !states.contains_key(job)).map(String::as_str).collect();
             if !gone.is_empty() {
@@ -166,7 +195,9 @@ impl Cluster for Slurm {
                 let list = format!("--jobs={}", gone.join(","));
                 let options = ["--noheader", "--allocations", "--parsable2", "--format=JobID,State", &list];
                 if let Ok(said) = ask("sacct", options).await {
-                    states.extend(self::states(&said));
+                    // That it began and never ended is no news.
+                    let ends = self::states(&said).into_iter();
+                    states.extend(ends.filter(|(_, state)| !matches!(state, State::Waiting(_) | State::Alive)));
                 }
             }
             Ok(states)
@@ -186,7 +217,7 @@ fn outputs(options: &SlurmOptions) -> PathBuf {
 /// The time of an attempt.
 fn minutes(batch: &Batch) -> u64 {
     let foretold = LEAST_MINUTES.max(TIMES_FORETOLD * batch.estimate_s / 60.0);
-    let doubled = (batch.attempt - 1).clamp(0, DOUBLED);
+    let doubled = batch.deaths.clamp(0, DOUBLED);
     // About a year, where the foretold time makes no sense.
     (foretold * f64::from(1 << doubled)).ceil().min(500_000.0) as u64
 }
@@ -196,20 +227,23 @@ fn printable(name: &str) -> String {
     name.chars().filter(|c| !c.is_control() && *c != '|').take(80).collect()
 }
 
-/// Lines of `job|state`.
+/// Lines of `job|state`, perhaps with `|reason`.
 fn states(said: &str) -> HashMap<String, State> {
     let line = |line: &str| {
-        let (job, word) = line.trim().split_once('|')?;
-        Some((job.to_owned(), state(word)))
+        let (job, rest) = line.trim().split_once('|')?;
+        let (word, reason) = rest.split_once('|').unwrap_or((rest, ""));
+        Some((job.to_owned(), state(word, reason)))
     };
     said.lines().filter_map(line).collect()
 }
 
 /// Slurm's words for what becomes of jobs, one by one.
-fn state(word: &str) -> State {
+fn state(word: &str, reason: &str) -> State {
     // "CANCELLED by 1000"
     match word.split(' ').next().unwrap_or_default() {
-        "PENDING" | "REQUEUED" | "REQUEUE_FED" | "REQUEUE_HOLD" | "RESV_DEL_HOLD" | "SPECIAL_EXIT" => State::Waiting,
+        "PENDING" | "REQUEUED" | "REQUEUE_FED" | "REQUEUE_HOLD" | "RESV_DEL_HOLD" | "SPECIAL_EXIT" => {
+            State::Waiting(reason.into())
+        }
         "CONFIGURING" | "RUNNING" | "SUSPENDED" | "STOPPED" | "SIGNALING" | "RESIZING" | "STAGE_OUT" | "COMPLETING" => {
             State::Alive
         }
@@ -253,6 +287,11 @@ async fn ask(program: &str, arguments: impl IntoIterator<Item = impl AsRef<OsStr
 async fn run(mut command: Command, input: Option<String>) -> Result<String, Refusal> {
     let program = command.as_std().get_program().to_string_lossy().into_owned();
     command.stdin(if input.is_some() { Stdio::piped() } else { Stdio::null() });
+    for (name, _) in std::env::vars_os() {
+        if IN_THE_WAY.iter().any(|start| name.to_string_lossy().starts_with(start)) {
+            command.env_remove(name);
+        }
+    }
     command.stdout(Stdio::piped()).stderr(Stdio::piped()).kill_on_drop(true);
     let mut child = command.spawn().map_err(|error| Refusal::NotThere(format!("{program}: {error}")))?;
     let answer = async {
@@ -275,93 +314,4 @@ async fn run(mut command: Command, input: Option<String>) -> Result<String, Refu
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::store::Candidate;
-    use uuid::Uuid;
-
-    fn slurm(sbatch: &[&str]) -> Slurm {
-        let options = SlurmOptions {
-            program: "/opt/grid fall/bin/gridfall".into(),
-            data_dir: "/shared/it's".into(),
-            database: "postgres://db/jobs".into(),
-            arguments: vec!["--backend".into(), "gpu".into()],
-            sbatch: sbatch.iter().map(|&option| option.into()).collect(),
-        };
-        Slurm { options, largest_array: 1000 }
-    }
-
-    fn batch(jobs: u128, attempt: i64, estimate_s: f64) -> Batch {
-        let job = |id| Candidate { id: Uuid::from_u128(id), attempt, name: "a".into(), sweep: None, estimate_s: None };
-        let (name, comment) = ("a|b\nc".into(), "id".into());
-        Batch { jobs: (0..jobs).map(job).collect(), name, comment, estimate_s, attempt }
-    }
-
-    #[test]
-    fn every_word_of_slurm_has_a_meaning() {
-        let said = "0|REQUEUED\n1|RUNNING\n2_0|COMPLETED\n2_1|CANCELLED by 1000\n3|NODE_FAIL\n4|OUT_OF_MEMORY\n5|TIMEOUT\n6|NEW\n";
-        let states = states(said);
-        assert_eq!(states.len(), 8);
-        assert_eq!(states["0"], State::Waiting);
-        assert_eq!(states["1"], State::Alive);
-        assert_eq!(states["2_0"], State::Completed);
-        assert_eq!(states["2_1"], State::Canceled);
-        assert_eq!(states["3"], State::Displaced("NODE_FAIL".into()));
-        assert_eq!(states["4"], State::Failed("OUT_OF_MEMORY".into()));
-        assert_eq!(states["5"], State::TimedOut);
-        assert_eq!(states["6"], State::Failed("NEW".into()));
-    }
-
-    #[test]
-    fn the_time_of_an_attempt_follows_what_was_foretold() {
-        assert_eq!(minutes(&batch(1, 1, 3.0)), 10);
-        assert_eq!(minutes(&batch(1, 1, 3600.0)), 240);
-        assert_eq!(minutes(&batch(1, 3, 3600.0)), 960);
-        assert_eq!(minutes(&batch(1, 99, f64::INFINITY)), 500_000);
-    }
-
-    #[test]
-    fn the_script_runs_the_task_of_its_number() {
-        let script = slurm(&[]).script(&batch(3, 2, 0.0));
-        // A shell reads the line as it is meant.
-        let shown = script.replace("exec '/opt/grid fall/bin/gridfall'", "printf '<%s>'");
-        assert_ne!(shown, script);
-        let shell = |environment: &[(&str, &str)]| {
-            let mut shell = std::process::Command::new("sh");
-            shell.args(["-c", &shown]).env_clear().envs(environment.iter().copied());
-            String::from_utf8(shell.output().unwrap().stdout).unwrap()
-        };
-        let head = "<worker><--backend><gpu><--data-dir></shared/it's><--attempt><2><--job>";
-        let task = shell(&[("SLURM_JOB_ID", "9"), ("SLURM_ARRAY_JOB_ID", "7"), ("SLURM_ARRAY_TASK_ID", "2")]);
-        assert_eq!(task, format!("{head}<{}><--cluster-job><7_2>", Uuid::from_u128(2)));
-        let alone = shell(&[("SLURM_JOB_ID", "9")]);
-        assert_eq!(alone, format!("{head}<{}><--cluster-job><9>", Uuid::from_u128(0)));
-    }
-
-    #[test]
-    fn sbatch_is_told_what_it_needs() {
-        let options = slurm(&["--gres=gpu:1", "--time=5"]).sbatch(&batch(3, 1, 0.0));
-        assert!(options.contains(&"--job-name=gridfall abc".into()), "{options:?}");
-        assert!(options.contains(&"--array=0-2".into()), "{options:?}");
-        assert!(options.contains(&"--output=/shared/it's/cluster/%A_%a.out".into()), "{options:?}");
-        assert_eq!(options[options.len() - 2..], ["--gres=gpu:1", "--time=5"], "what the operator says comes last");
-        assert!(!slurm(&[]).sbatch(&batch(1, 1, 0.0)).iter().any(|option| option.starts_with("--array")));
-    }
-
-    #[test]
-    fn the_size_of_arrays_is_read() {
-        assert_eq!(largest_array("MaxArraySize            = 1001\nMaxDBDMsgs = 1"), Some(1001));
-        assert_eq!(largest_array("MaxArraySize = 0"), Some(1));
-        assert_eq!(largest_array("nothing"), None);
-    }
-
-    #[tokio::test]
-    async fn options_that_are_gridfalls_are_refused() {
-        let said = |option: &'static str| async move {
-            let options = SlurmOptions { sbatch: vec![option.into()], ..slurm(&[]).options };
-            Slurm::new(options).await.unwrap_err().0
-        };
-        assert!(said("--array=1-3").await.contains("leave it out"));
-        assert!(said("-p gpu").await.contains("no long option"));
-    }
-}
+mod tests;

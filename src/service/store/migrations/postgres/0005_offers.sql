@@ -2,3 +2,15 @@
 ALTER TABLE jobs ADD COLUMN cluster_job TEXT;       -- the scheduler's name of it
 ALTER TABLE jobs ADD COLUMN offered_attempt BIGINT; -- its number, until the scheduler has nothing of it any more
 CREATE INDEX jobs_by_offer ON jobs (seq) WHERE offered_attempt IS NOT NULL;
+
+-- What the scheduler may still have of jobs that were deleted, until it was told.
+CREATE TABLE cluster_leftovers (
+    cluster_job TEXT NOT NULL PRIMARY KEY
+);
+CREATE FUNCTION offer_left() RETURNS trigger LANGUAGE plpgsql AS $$
+BEGIN
+    INSERT INTO cluster_leftovers (cluster_job) VALUES (OLD.cluster_job) ON CONFLICT DO NOTHING;
+    RETURN NULL;
+END $$;
+CREATE TRIGGER offer_left AFTER DELETE ON jobs FOR EACH ROW WHEN (OLD.offered_attempt IS NOT NULL)
+    EXECUTE FUNCTION offer_left();
