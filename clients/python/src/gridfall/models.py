@@ -489,3 +489,226 @@ class Fault(Part):
     """What is wrong."""
     remedy: str = field(metadata=member())
     """What to change."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SweepList(Part):
+    """A page of sweeps, newest first.
+
+    Fields:
+    - next_cursor: Asks for the next page; null on the last one.
+    - sweeps
+    """
+
+    next_cursor: str | None = field(metadata=member())
+    """Asks for the next page; null on the last one."""
+    sweeps: list[Sweep] = field(metadata=member(of="[Sweep]"))
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Summary(Part):
+    """The finite values of a column; null where there is none.
+
+    Fields:
+    - last
+    - least
+    - most
+    """
+
+    last: float | None = field(metadata=member())
+    least: float | None = field(metadata=member())
+    most: float | None = field(metadata=member())
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SweepResult(Part):
+    """What a job of a sweep has come to.
+
+    Fields:
+    - diagnostics: Of each column of the job's diagnostics so far; empty before its first frame.
+    - id
+    - name
+    - progress
+    - run_s: Wall time of the run so far (s), without the time to load the scene.
+    - status
+    - values: What took the place of the scene's values, by path.
+    """
+
+    diagnostics: Mapping[str, Summary] = field(metadata=member(of="{Summary}"))
+    """Of each column of the job's diagnostics so far; empty before its first frame."""
+    id: str = field(metadata=member())
+    name: str = field(metadata=member())
+    progress: Progress = field(metadata=member(of="Progress"))
+    run_s: float = field(metadata=member())
+    """Wall time of the run so far (s), without the time to load the scene."""
+    status: Status = field(metadata=member())
+    values: Json = field(metadata=member())
+    """What took the place of the scene's values, by path."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SweepResults(Part):
+    """What the jobs of a sweep have come to.
+
+    Fields:
+    - jobs: All jobs, in the order of the values.
+    """
+
+    jobs: list[SweepResult] = field(metadata=member(of="[SweepResult]"))
+    """All jobs, in the order of the values."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ValidSweepJob(Part):
+    """A job that a sweep would have.
+
+    Fields:
+    - estimate_s: Estimated wall time on two cores of a server (s).
+    - name
+    - particles
+    - values: What takes the place of the scene's values, by path.
+    """
+
+    estimate_s: float = field(metadata=member())
+    """Estimated wall time on two cores of a server (s)."""
+    name: str = field(metadata=member())
+    particles: int = field(metadata=member())
+    values: Json = field(metadata=member())
+    """What takes the place of the scene's values, by path."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ValidSweep(Part):
+    """A sweep found valid, and what it costs.
+
+    Fields:
+    - estimate_s: Estimated wall time of all jobs together, one after the other, on two cores of a server (s).
+    - jobs: All jobs, in their order.
+    - valid
+    """
+
+    estimate_s: float = field(metadata=member())
+    """Estimated wall time of all jobs together, one after the other, on two cores of a server (s)."""
+    jobs: list[ValidSweepJob] = field(metadata=member(of="[ValidSweepJob]"))
+    """All jobs, in their order."""
+    valid: bool = field(metadata=member())
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class AssetList(Part):
+    """All assets.
+
+    Fields:
+    - assets
+    """
+
+    assets: list[Asset] = field(metadata=member(of="[Asset]"))
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SceneList(Part):
+    """All scenes that are kept.
+
+    Fields:
+    - ids
+    """
+
+    ids: list[str] = field(metadata=member())
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class PresetSource(Part):
+    """A work that values are taken from.
+
+    Fields:
+    - checked: What of it was seen when its values were taken; empty for what was chosen for this program.
+    - key
+    - text: Authors, year, title, where.
+    """
+
+    checked: str = field(metadata=member())
+    """What of it was seen when its values were taken; empty for what was chosen for this program."""
+    key: str = field(metadata=member())
+    text: str = field(metadata=member())
+    """Authors, year, title, where."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class PresetValue(Part):
+    """A parameter of a preset, in SI units.
+
+    Fields:
+    - description: What it means.
+    - field_
+    - least: Least that is usual.
+    - most: Most that is usual.
+    - note: How it follows from the sources, where it is not simply there.
+    - real: What the real material has, where the value is softer to make runs affordable.
+    - sources: Keys of its sources.
+    - value
+    """
+
+    description: str = field(metadata=member())
+    """What it means."""
+    field_: str = field(metadata=member(key="field"))
+    least: float = field(metadata=member())
+    """Least that is usual."""
+    most: float = field(metadata=member())
+    """Most that is usual."""
+    sources: list[str] = field(metadata=member())
+    """Keys of its sources."""
+    value: float = field(metadata=member())
+    note: str | None = field(default=None, metadata=member())
+    """How it follows from the sources, where it is not simply there."""
+    real: float | None = field(default=None, metadata=member())
+    """What the real material has, where the value is softer to make runs affordable."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class MaterialPreset(Part):
+    """A material that people know: `{"preset": NAME}` in a scene, with values to replace beside it.
+
+    Fields:
+    - about
+    - group: `Liquids`, `Metals`, …
+    - limits: What it does not have of the real thing.
+    - material: As it is in a scene.
+    - name
+    - sources
+    - title
+    - values
+    """
+
+    about: str = field(metadata=member())
+    group: str = field(metadata=member())
+    """`Liquids`, `Metals`, …"""
+    limits: str = field(metadata=member())
+    """What it does not have of the real thing."""
+    material: Json = field(metadata=member())
+    """As it is in a scene."""
+    name: str = field(metadata=member())
+    sources: list[PresetSource] = field(metadata=member(of="[PresetSource]"))
+    title: str = field(metadata=member())
+    values: list[PresetValue] = field(metadata=member(of="[PresetValue]"))
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class MaterialList(Part):
+    """The presets of materials.
+
+    Fields:
+    - materials
+    """
+
+    materials: list[MaterialPreset] = field(metadata=member(of="[MaterialPreset]"))
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Changed(Part):
+    """Number of jobs changed.
+
+    Fields:
+    - jobs
+    """
+
+    jobs: int = field(metadata=member())
