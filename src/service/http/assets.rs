@@ -11,7 +11,7 @@ use super::file::FileAnswer;
 use super::health::require_space;
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
-use super::scenes::permit;
+use super::scenes::by_judges;
 use super::state::Api;
 use gridfall_scene::assets::examine;
 
@@ -29,16 +29,12 @@ use gridfall_scene::assets::examine;
     ))]
 pub async fn put(State(api): State<Api>, AssetBody(bytes, room): AssetBody) -> Result<Response, Problem> {
     require_space(&api)?;
-    let permit = permit(&api).await?;
     let files = api.data.assets();
-    let kept = tokio::task::spawn_blocking(move || {
-        // Held here and not by the request: a client that disconnects does not make the work
-        // cheaper.
-        let (_permit, _room) = (permit, room);
+    let kept = by_judges(&api, room, move || {
         let kind = examine(&bytes).map_err(|reason| Problem::new(Code::InvalidAsset, reason))?;
         files.put(&bytes, kind).map_err(Problem::from)
     });
-    let (asset, new) = kept.await.map_err(internal)??;
+    let (asset, new) = kept.await??;
     let status = if new { StatusCode::CREATED } else { StatusCode::OK };
     let location = format!("/v1/assets/{}", asset.id);
     Ok((status, [(header::LOCATION, location)], Json(Asset::from(asset))).into_response())

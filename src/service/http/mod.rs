@@ -32,6 +32,7 @@ mod materials;
 mod metrics;
 mod openapi;
 mod outputs;
+mod pages;
 mod pictures;
 mod problem;
 mod range;
