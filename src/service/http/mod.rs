@@ -47,12 +47,15 @@ mod sweeps;
 mod tables;
 mod viewer;
 mod watch;
+mod webhooks;
 
 pub use docs::markdown as error_codes;
 pub use openapi::{document, document_json};
 pub use router::router;
 pub use server::{Options, ServeError, serve};
 pub use state::{Api, Config};
+pub use webhooks::address::{Range as AddressRange, range as address_range};
+pub use webhooks::deliver::Patience;
 
 #[cfg(test)]
 mod tests;

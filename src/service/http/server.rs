@@ -113,6 +113,7 @@ pub async fn serve(
     let workers = Workers::start(store.clone(), data.clone(), settings, executor).await?;
     let housekeeper = tokio::spawn(keep_house(store.clone(), data.clone(), keep));
     let api = Api::new(store.clone(), data, workers.shared(), config);
+    let deliverer = tokio::spawn(api.deliverer().run());
     let (config, app) = (api.config.clone(), router(api));
 
     let (asked, end) = oneshot::channel();
@@ -133,6 +134,8 @@ pub async fn serve(
         server.abort();
     }
     housekeeper.abort();
+    // What is being sent is sent again later.
+    deliverer.abort();
     workers.stop(WORKER_PATIENCE).await;
     store.close().await;
     Ok(())

@@ -80,8 +80,8 @@ pub struct Sweep {
 
 impl From<store::Sweep> for Sweep {
     fn from(sweep: store::Sweep) -> Self {
+        let ended = sweep.has_ended();
         let store::Sweep { id, name, created_at, jobs, fraction } = sweep;
-        let ended = ["queued", "running"].iter().all(|status| !jobs.contains_key(status));
         Self { id, name, created_at, total: jobs.values().sum(), jobs, fraction, ended }
     }
 }

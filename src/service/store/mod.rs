@@ -8,6 +8,7 @@ mod assets;
 mod attempts;
 mod clock;
 mod database;
+mod deliveries;
 mod files;
 mod filter;
 mod gathered;
@@ -20,6 +21,7 @@ mod requests;
 mod row;
 mod scenes;
 mod submissions;
+mod webhooks;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -27,12 +29,14 @@ use std::time::Duration;
 use uuid::Uuid;
 
 pub use assets::{Asset, AssetFiles};
+pub use deliveries::{Delivery, DeliveryStatus, Reply, Verdict};
 pub use files::{AttemptFiles, DataDir, JobFiles};
 pub use filter::Filter;
 pub use groups::Sweep;
 pub use job::{Failure, Job, NewJob, NewSweep, Progress, Status};
 pub use offers::{Candidate, Offer, OfferEnd, Taken};
 pub use scenes::SceneFiles;
+pub use webhooks::{EventType, NewWebhook, Subject, Webhook};
 
 use clock::Clock;
 use database::{CONNECTIONS, Database};

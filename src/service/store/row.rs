@@ -107,10 +107,10 @@ pub(super) fn uuid(text: String) -> sqlx::Result<Uuid> {
     Uuid::parse_str(&text).map_err(decode)
 }
 
-fn timestamp(us: i64) -> sqlx::Result<Timestamp> {
+pub(super) fn timestamp(us: i64) -> sqlx::Result<Timestamp> {
     Timestamp::from_microsecond(us).map_err(decode)
 }
 
-fn decode<E: Into<Box<dyn Error + Send + Sync>>>(error: E) -> sqlx::Error {
+pub(super) fn decode<E: Into<Box<dyn Error + Send + Sync>>>(error: E) -> sqlx::Error {
     sqlx::Error::Decode(error.into())
 }

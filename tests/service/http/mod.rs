@@ -15,5 +15,7 @@ mod materials;
 mod openapi;
 mod outputs;
 mod pictures;
+mod receiver;
 pub mod support;
 mod watching;
+mod webhooks;
