@@ -15,8 +15,9 @@ import httpx
 
 from . import operations, outputs
 from . import sweeps as of_sweeps
+from . import webhooks as of_webhooks
 from .exchange import Answer, Call, Give, Manners, More, Open, Pause, Step, Talk
-from .models import Job, Sweep
+from .models import Delivery, Job, Sweep
 from .recording import Frame
 
 P = ParamSpec("P")
@@ -303,6 +304,13 @@ class Client:
     materials = _blocking(operations.materials)
     library = _blocking(operations.library)
     library_scene = _blocking(operations.library_scene)
+    webhooks = _blocking(of_webhooks.webhooks)
+    add_webhook = _blocking(of_webhooks.add_webhook)
+    webhook = _blocking(of_webhooks.webhook)
+    delete_webhook = _blocking(of_webhooks.delete_webhook)
+    test_webhook = _blocking(of_webhooks.test_webhook)
+    deliveries = _iterated(of_webhooks.deliveries, Delivery)
+    retry_delivery = _blocking(of_webhooks.retry_delivery)
     devices = _blocking(operations.devices)
     ready = _blocking(operations.ready)
 
@@ -378,5 +386,12 @@ class AsyncClient:
     materials = _awaited(operations.materials)
     library = _awaited(operations.library)
     library_scene = _awaited(operations.library_scene)
+    webhooks = _awaited(of_webhooks.webhooks)
+    add_webhook = _awaited(of_webhooks.add_webhook)
+    webhook = _awaited(of_webhooks.webhook)
+    delete_webhook = _awaited(of_webhooks.delete_webhook)
+    test_webhook = _awaited(of_webhooks.test_webhook)
+    deliveries = _iterated_async(of_webhooks.deliveries, Delivery)
+    retry_delivery = _awaited(of_webhooks.retry_delivery)
     devices = _awaited(operations.devices)
     ready = _awaited(operations.ready)

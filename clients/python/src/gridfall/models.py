@@ -16,6 +16,16 @@ Status = Literal["queued", "running", "succeeded", "failed", "canceled"]
 """`queued → running → succeeded | failed | canceled`; a running job goes back to `queued` when its server stops."""
 
 
+EventType = Literal[
+    "job.queued", "job.started", "job.succeeded", "job.failed", "job.canceled", "sweep.finished", "webhook.test"
+]
+"""What webhooks are told of."""
+
+
+DeliveryStatus = Literal["pending", "delivered", "dead"]
+"""`pending → delivered | dead`; a retry makes it pending again."""
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Backend(Part):
     """What a job runs on.
@@ -712,3 +722,118 @@ class Changed(Part):
     """
 
     jobs: int = field(metadata=member())
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Webhook(Part):
+    """Who is told of what happens to jobs.
+
+    Fields:
+    - created_at
+    - enabled: False once its receiver answered 410: it is told nothing more.
+    - events: Types of events that it is told of; all without any.
+    - id
+    - url
+    """
+
+    created_at: datetime = field(metadata=member(of="datetime"))
+    enabled: bool = field(metadata=member())
+    """False once its receiver answered 410: it is told nothing more."""
+    events: list[EventType] = field(metadata=member())
+    """Types of events that it is told of; all without any."""
+    id: str = field(metadata=member())
+    url: str = field(metadata=member())
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class AddedWebhook(Part):
+    """A webhook that was added, with what its messages are signed with. That is not shown again.
+
+    Fields:
+    - created_at
+    - enabled
+    - events
+    - id
+    - secret: For libraries of Standard Webhooks.
+    - url
+    """
+
+    created_at: datetime = field(metadata=member(of="datetime"))
+    enabled: bool = field(metadata=member())
+    events: list[EventType] = field(metadata=member())
+    id: str = field(metadata=member())
+    secret: str = field(metadata=member())
+    """For libraries of Standard Webhooks."""
+    url: str = field(metadata=member())
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class WebhookList(Part):
+    """All webhooks, oldest first.
+
+    Fields:
+    - webhooks
+    """
+
+    webhooks: list[Webhook] = field(metadata=member(of="[Webhook]"))
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class DeliveryAnswer(Part):
+    """How a receiver answered, or why it did not.
+
+    Fields:
+    - at
+    - status: HTTP status; null where no answer came.
+    - text: The beginning of the answer, or why there is none.
+    """
+
+    at: datetime = field(metadata=member(of="datetime"))
+    status: int | None = field(metadata=member())
+    """HTTP status; null where no answer came."""
+    text: str = field(metadata=member())
+    """The beginning of the answer, or why there is none."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Delivery(Part):
+    """A message to a webhook.
+
+    Fields:
+    - answer
+    - attempts: How often it was sent.
+    - created_at
+    - event
+    - id: The header `webhook-id`, the same each time that it is sent.
+    - next_at: When it is sent again, at the earliest; null unless pending.
+    - payload: What is sent.
+    - status: `pending → delivered | dead`.
+    """
+
+    answer: DeliveryAnswer | None = field(metadata=member(of="DeliveryAnswer"))
+    attempts: int = field(metadata=member())
+    """How often it was sent."""
+    created_at: datetime = field(metadata=member(of="datetime"))
+    event: EventType = field(metadata=member())
+    id: str = field(metadata=member())
+    """The header `webhook-id`, the same each time that it is sent."""
+    next_at: datetime | None = field(metadata=member(of="datetime"))
+    """When it is sent again, at the earliest; null unless pending."""
+    payload: Json = field(metadata=member())
+    """What is sent."""
+    status: DeliveryStatus = field(metadata=member())
+    """`pending → delivered | dead`."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class DeliveryList(Part):
+    """A page of deliveries, newest first.
+
+    Fields:
+    - deliveries
+    - next_cursor: Asks for the next page; null on the last one.
+    """
+
+    deliveries: list[Delivery] = field(metadata=member(of="[Delivery]"))
+    next_cursor: str | None = field(metadata=member())
+    """Asks for the next page; null on the last one."""

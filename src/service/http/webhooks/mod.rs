@@ -36,7 +36,7 @@ const LONGEST_URL: usize = 2000;
 #[serde(deny_unknown_fields)]
 pub struct AddWebhook {
     /// Where messages are posted to.
-    #[schema(max_length = 2000, example = "https://example.com/gridfall")]
+    #[schema(max_length = 2000, example = "https://hooks.example/gridfall")]
     pub url: String,
     /// Types of events to be told of; all without any.
     #[serde(default)]
@@ -67,9 +67,12 @@ impl From<store::Webhook> for Webhook {
 
 /// A webhook that was added, with what its messages are signed with. That is not shown again.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct NewlyAdded {
-    #[serde(flatten)]
-    pub webhook: Webhook,
+pub struct AddedWebhook {
+    pub id: Uuid,
+    pub url: String,
+    pub events: Vec<EventType>,
+    pub created_at: Timestamp,
+    pub enabled: bool,
     /// For libraries of Standard Webhooks.
     pub secret: String,
 }
@@ -156,7 +159,7 @@ pub struct ListDeliveries {
 /// Adds a webhook. It is told of what happens from now on, with signatures of Standard Webhooks.
 #[utoipa::path(post, path = "/v1/webhooks", tag = "webhooks", operation_id = "add_webhook", request_body = AddWebhook,
     responses(
-        (status = 201, body = NewlyAdded, headers(("Location" = String, description = "Path of the webhook"))),
+        (status = 201, body = AddedWebhook, headers(("Location" = String, description = "Path of the webhook"))),
         (status = 422, body = dto::Problem, content_type = PROBLEM,
             description = "`webhook_refused`, `invalid_request`"),
     ))]
@@ -181,7 +184,8 @@ pub async fn add(State(api): State<Api>, JsonBody(request, _room): JsonBody<AddW
         return Err(Problem::new(Code::InvalidRequest, detail));
     };
     let location = format!("/v1/webhooks/{}", added.id);
-    let answer = NewlyAdded { webhook: added.into(), secret: new.secret };
+    let store::Webhook { id, url, secret, events, created_at, enabled } = added;
+    let answer = AddedWebhook { id, url, events, created_at, enabled, secret };
     Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(answer)).into_response())
 }
 
