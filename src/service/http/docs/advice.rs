@@ -35,7 +35,7 @@ pub fn of(code: Code) -> &'static str {
         Code::WebhookNotFound => "The id is wrong, or the webhook was deleted. `GET /v1/webhooks` lists all.",
         Code::DeliveryNotFound => {
             "The id is wrong, or the delivery is old: those that arrived are kept for a week, those given up for a \
-             month. `GET /v1/webhooks/{id}/deliveries` lists all."
+             month. `GET /v1/webhooks/ID/deliveries` lists all."
         }
         Code::WebhookDisabled => {
             "Its receiver answered 410, which means that it wants nothing more. Delete the webhook, and add it anew \

@@ -116,6 +116,8 @@ fn messages() -> Value {
             "tags": ["webhooks"],
             "operationId": format!("on_{}", event.as_str().replace('.', "_")),
             "summary": summary,
+            // Makers of clients leave out what has this mark, and otherwise make calls of it that clients never send.
+            "x-internal": true,
             "parameters": [
                 header("webhook-id", "The same each time that a message is sent"),
                 header("webhook-timestamp", "When it is sent (s since 1970)"),
