@@ -11,9 +11,10 @@ RUN cargo build --release --locked && strip target/release/gridfall
 
 FROM debian:bookworm-slim
 # The Vulkan loader, and the libraries that NVIDIA's driver, mounted by --gpus, is linked with. No driver is in the image:
-# without a GPU the CPU engine runs.
+# without a GPU the CPU engine runs. Webhooks with https: need the authorities of certificates.
 RUN apt-get update \
-    && apt-get install -y --no-install-recommends libvulkan1 libegl1 libglvnd0 libgl1 libglx0 libgles2 libxext6 \
+    && apt-get install -y --no-install-recommends \
+        libvulkan1 libegl1 libglvnd0 libgl1 libglx0 libgles2 libxext6 ca-certificates \
     && rm -rf /var/lib/apt/lists/* \
     && useradd --system --uid 10001 gridfall \
     && install -d -o gridfall /data

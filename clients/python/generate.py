@@ -18,7 +18,8 @@ API = HERE.parent.parent / "api"
 PACKAGE = HERE / "src" / "gridfall"
 # What the client hands out, and with it all that these are made of.
 ANSWERS = ["Job", "JobList", "Sweep", "ValidScene", "KeptScene", "Asset", "DeviceList", "FrameList", "LibraryScene"]
-ANSWERS += ["Ready", "Fault"]
+ANSWERS += ["Ready", "Fault", "SweepList", "SweepResults", "ValidSweep", "AssetList", "SceneList", "MaterialList"]
+ANSWERS += ["Changed", "Webhook", "AddedWebhook", "WebhookList", "DeliveryList"]
 # Places of the scene where one of several classes may stand.
 CHOICES = {"Shape": "ShapePart | Json", "Material": "MaterialPart | Json"}
 Schema = dict[str, Any]
@@ -142,7 +143,9 @@ def broken(line: str, indent: str) -> list[str]:
 
 def attribute(key: str) -> str:
     name = key.replace("-", "_").replace("$", "")
-    return name + "_" * (keyword.iskeyword(name) or name != key.replace("-", "_"))
+    # `field` makes the members.
+    taken = keyword.iskeyword(name) or name == "field" or name != key.replace("-", "_")
+    return name + "_" * taken
 
 
 def words(name: str) -> str:

@@ -11,7 +11,7 @@ use super::executor::{ExecutorArguments, Home};
 use super::logs::LogArguments;
 use super::{CliError, interrupt};
 use gridfall_engine::choice::Devices;
-use gridfall_service::http::{self, Certificate, Config, Options};
+use gridfall_service::http::{self, Certificate, Config, Options, Patience};
 use gridfall_service::jobs::retention::Keep;
 use gridfall_service::jobs::{EngineSource, OpenDevices, yield_to_requests};
 
@@ -90,6 +90,19 @@ pub struct Arguments {
     /// Remove the oldest ended jobs while the files of all jobs take more bytes than this.
     #[arg(long, value_name = "N", env = "GRIDFALL_KEEP_BYTES")]
     keep_bytes: Option<u64>,
+    /// Addresses that webhooks may be at although they are not on the internet: a range (CIDR) or an address.
+    /// Repeatable.
+    #[arg(long, value_name = "CIDR", value_parser = http::address_range, env = "GRIDFALL_ALLOW_WEBHOOK_ADDRESS",
+        value_delimiter = ',')]
+    allow_webhook_address: Vec<http::AddressRange>,
+    /// Times that a message to a webhook is sent before it is given up.
+    #[arg(long, default_value_t = Patience::default().attempts, value_name = "N",
+        value_parser = clap::value_parser!(u32).range(1..=100))]
+    webhook_attempts: u32,
+    /// Wait before a message that did not arrive is sent again (s). Each further wait is three times as long, up to
+    /// eight hours.
+    #[arg(long, default_value_t = Patience::default().first_wait_s, value_name = "SECONDS", value_parser = positive)]
+    webhook_retry_seconds: f64,
     #[command(flatten)]
     logs: LogArguments,
     #[command(flatten)]
@@ -136,6 +149,11 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
             max_work: arguments.max_work,
             max_in_flight: arguments.max_in_flight,
             max_connections: arguments.max_connections,
+            webhook_addresses: arguments.allow_webhook_address,
+            webhook_patience: Patience {
+                attempts: arguments.webhook_attempts,
+                first_wait_s: arguments.webhook_retry_seconds,
+            },
             ..Config::default()
         },
         checkpoint_every: Duration::from_secs_f64(arguments.checkpoint_seconds),

@@ -4,6 +4,7 @@
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::Path;
+use std::sync::Arc;
 
 use foxglove::messages::{FrameTransforms, PointCloud, SceneUpdate};
 use mcap::records::{MessageHeader, Record};
@@ -15,12 +16,13 @@ use super::files::{RecordingError, partial_path};
 use super::index::{Contents, MAGIC, unfold_at};
 use super::solids::{FrameSolids, solids};
 
-/// Where the complete frames of a recording are.
+/// Where the complete frames of a recording are. A copy shares what it has with the original until one of them looks
+/// again.
 #[derive(Clone, Debug, Default)]
 pub struct FrameIndex {
-    contents: Contents,
+    contents: Arc<Contents>,
     /// The chunk of each frame's points.
-    frames: Vec<usize>,
+    frames: Arc<Vec<usize>>,
 }
 
 impl FrameIndex {
@@ -45,11 +47,13 @@ impl FrameIndex {
             let reason = "it does not begin as MCAP files do".into();
             return Err(RecordingError::Damaged { path: target.to_owned(), reason });
         }
-        let mut look = || self.contents.read(&mut BufReader::new(&file), file.metadata()?.len(), false);
+        let contents = Arc::make_mut(&mut self.contents);
+        let mut look = || contents.read(&mut BufReader::new(&file), file.metadata()?.len(), false);
         look().map_err(RecordingError::io("read", target))?;
         let Some(particles) = self.contents.channel("/particles") else { return Ok(()) };
         let chunks = self.contents.chunks.iter().enumerate();
-        self.frames = chunks.filter(|(_, chunk)| chunk.counts.contains_key(&particles)).map(|(n, _)| n).collect();
+        let frames = chunks.filter(|(_, chunk)| chunk.counts.contains_key(&particles)).map(|(n, _)| n);
+        self.frames = Arc::new(frames.collect());
         Ok(())
     }
 

@@ -34,6 +34,7 @@ mod npz;
 mod overrides;
 mod points;
 pub mod presets;
+pub mod prose;
 mod resolve;
 mod sampling;
 pub mod schema;

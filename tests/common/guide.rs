@@ -34,7 +34,7 @@ pub fn pages() -> Vec<Page> {
 }
 
 /// A page's commands as one script for bash.
-fn script(blocks: &[(String, String)], port: u16) -> String {
+fn script(blocks: &[(String, String)]) -> String {
     let mut script = String::from("set -euo pipefail\ntrap 'kill $(jobs -p) 2>/dev/null || true; wait' EXIT\n");
     for (mark, code) in blocks {
         let _ = match mark.as_str() {
@@ -49,7 +49,12 @@ fn script(blocks: &[(String, String)], port: u16) -> String {
             other => panic!("a block is marked {other:?}, which tests/common/guide.rs does not know"),
         };
     }
-    script.replace("8080", &port.to_string())
+    // Ports of the server, and of what it talks to.
+    for port in ["8080", "8081"] {
+        let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        script = script.replace(port, &free.to_string());
+    }
+    script
 }
 
 /// The interpreter that has what the Python package needs.
@@ -71,17 +76,18 @@ pub fn run(name: &str, blocks: &[(String, String)], package: &Path, environment:
     if !blocks.iter().any(|(mark, _)| mark.starts_with("sh") || mark == "python") {
         return false;
     }
-    let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-    let script = script(blocks, port);
+    let script = script(blocks);
     let folder = tempfile::tempdir().unwrap();
     let program = Path::new(env!("CARGO_BIN_EXE_gridfall"));
-    let path = format!("{}:{}", program.parent().unwrap().display(), std::env::var("PATH").unwrap());
+    let (programs, python) = (program.parent().unwrap(), python());
+    let interpreters = python.parent().unwrap();
+    let path = format!("{}:{}:{}", programs.display(), interpreters.display(), std::env::var("PATH").unwrap());
     let ran = Command::new("bash")
         .args(["-c", &script])
         .current_dir(folder.path())
         .env("PATH", path)
         .env("GRIDFALL_BINARY", program)
-        .env("GUIDE_PYTHON", python())
+        .env("GUIDE_PYTHON", &python)
         .env("PYTHONPATH", package)
         .env("PYTHONDONTWRITEBYTECODE", "1")
         .envs(environment.iter().copied())

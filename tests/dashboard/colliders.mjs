@@ -109,4 +109,30 @@ async function aFrameAsFiles(browser) {
   await browser.until("frame 0", () => document.querySelector(".exports a").href.includes("/frames/0/"));
 }
 
+/** A recording without shapes, as old releases left them: points are seen without, and shapes are not asked for
+ * again. */
+async function recordingsWithoutShapes(browser) {
+  const { page } = browser;
+  const { jobs } = await browser.api("GET", "/v1/jobs");
+  const missed = [];
+  // The browser counts what is missing among the errors of the page.
+  browser.quiet = true;
+  page.on("response", (answer) => answer.url().includes("/colliders") && missed.push(answer.status()));
+  await browser.go(`#/jobs/${jobs[0].id}`);
+  await browser.shows(".exports dt", "Points");
+  await browser.until("no link", () => !document.querySelector(".exports").textContent.includes("Colliders"));
+  await browser.go(`#/jobs/${jobs[0].id}/view`);
+  await browser.shows("output", "of 4");
+  await page.focus("#frame");
+  for (const key of ["Home", "ArrowRight", "ArrowRight", "ArrowRight"]) await page.keyboard.press(key);
+  await browser.shows("output", "frame 3 of 4");
+  const seen = await settled(browser);
+  assert.ok(seen.share > 0.005, JSON.stringify(seen));
+  assert.ok(await page.$eval("#colliders", (choice) => !choice.closest("label").checkVisibility()));
+  assert.equal(await browser.text("[role=alert]"), "");
+  assert.ok(missed.length > 0 && missed.length <= 3 && missed.every((status) => status === 404), `${missed}`);
+  await browser.look("without-shapes");
+}
+
+export const old = { recordingsWithoutShapes };
 export const all = { collidersAreDrawn, collidersInThePlane, aFrameAsFiles };

@@ -31,7 +31,8 @@ pub const SCENE: &[Layer] = &[
     ("size", &["fault"]),
     ("spelling", &[]),
     ("structure", &["schema", "fault", "suggest", "spelling"]),
-    ("presets", &["schema", "fault", "suggest", "spelling", "structure"]),
+    ("prose", &[]),
+    ("presets", &["schema", "fault", "suggest", "spelling", "structure", "prose"]),
     ("mesh", &["schema"]),
     ("npz", &["vectors"]),
     ("points", &["mesh", "npz"]),
@@ -47,7 +48,7 @@ pub const SCENE: &[Layer] = &[
         &["names", "schema", "fault", "limits", "suggest", "vectors", "memory", "sampling", "grid", "shape", "resolve"],
     ),
     ("build", &["schema", "vectors", "grid", "shape", "resolve"]),
-    ("contract", &["structure", "presets", "validate"]),
+    ("contract", &["structure", "prose", "presets", "validate"]),
     ("estimate", &["memory"]),
 ];
 

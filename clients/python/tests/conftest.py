@@ -10,7 +10,7 @@ import pytest
 import gridfall
 from gridfall import scene as s
 
-CPU = ["--backend", "cpu"]
+CPU = ["--backend", "cpu", "--allow-webhook-address", "127.0.0.1", "--webhook-attempts", "1"]
 
 
 @pytest.fixture(scope="session")

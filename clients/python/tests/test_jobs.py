@@ -117,6 +117,10 @@ def test_outputs(client: gridfall.Client, ran: gridfall.Result, tmp_path: Path) 
     assert client.surface(ran.job, 0, form="glb").startswith(b"glTF")
     with pytest.raises(gridfall.ApiError, match="color_by"):
         client.picture(ran.job, 0, color_by="heat")
+    points = client.points(ran.job, 2)
+    assert points["position"] == pytest.approx(ran.frames[2].positions) and "velocity" in points
+    assert len(client.points(ran.job, 2, max_points=5)["position"]) == 5
+    assert client.export(ran.job, 0, form="ply").startswith(b"ply\n")
     state = client.state(ran.job)
     assert np.sort(state["x"], axis=0) == pytest.approx(np.sort(ran.frames[-1].positions, axis=0), abs=1e-5)
     assert "attempt 1" in client.log(ran.job)
@@ -139,6 +143,10 @@ def test_kept_scenes_assets_and_reruns(client: gridfall.Client, square: gridfall
     points = b"ply\nformat ascii 1.0\nelement vertex 1\n" + b"".join(b"property float %c\n" % axis for axis in b"xyz")
     asset = client.upload(points + b"end_header\n10.5 -4.5 2.5\n")
     assert asset.kind == "ply" and asset.id.startswith("sha256:")
+    assert asset in client.assets()
+    assert kept.id in client.kept_scenes() and client.kept_scene(kept).name == "square"
+    water = next(each for each in client.materials() if each.name == "water")
+    assert water.material["model"] == "weakly-compressible-fluid" and len(water.values) > 3
 
 
 def test_sweeps(client: gridfall.Client, square: gridfall.Scene) -> None:
@@ -150,6 +158,42 @@ def test_sweeps(client: gridfall.Client, square: gridfall.Scene) -> None:
     assert client.cancel_sweep(sweep).id == sweep.id
     assert client.wait_sweep(sweep).ended
     assert {job.status for job in client.sweep_jobs(sweep)} == {"canceled"}
+    assert [each.id for each in client.sweeps(page=1)][0] == sweep.id
+    assert len({each.id for each in client.sweeps(page=1)}) >= 2
+
+
+def test_results_of_sweeps_are_columns(client: gridfall.Client, square: gridfall.Scene) -> None:
+    grid: dict[str, Any] = {"gravity": [[0, -10], [0, -20]], "solver.kernel": ["compact", "quadratic"]}
+    short = {"time.end": 0.02}
+    judged = client.validate_sweep(square, grid=grid, overrides=short, name="fall")
+    assert judged.valid and len(judged.jobs) == 4 and judged.jobs[0].name.startswith("fall ")
+    assert judged.estimate_s == pytest.approx(sum(job.estimate_s for job in judged.jobs))
+    with pytest.raises(gridfall.InvalidScene, match="job 2 of 2"):
+        client.validate_sweep(square, list=[{"seed": 1}, {"solver.cfl": -1}])
+    sweep = client.wait_sweep(client.sweep(square, grid=grid, overrides=short, name="fall"))
+    results = client.sweep_results(sweep)
+    assert list(results["id"]) == [job.id for job in client.sweep_jobs(sweep)]
+    assert set(results["status"]) == {"succeeded"} and results["fraction"] == pytest.approx(1)
+    assert [each[1] for each in results["gravity"]] == [-10, -10, -20, -20]
+    assert list(results["solver.kernel"]) == ["compact", "quadratic"] * 2
+    fallen = -results["momentum_y.last"] / results["mass_kg.last"]
+    assert fallen == pytest.approx([0.2, 0.2, 0.4, 0.4], rel=1e-3)
+    # Frame 0 was at rest.
+    assert results["max_speed.least"] == pytest.approx(0) and results["max_speed.most"].dtype == np.float64
+    with pytest.raises(gridfall.NotFound):
+        client.sweep_results("00000000-0000-0000-0000-000000000000")
+
+
+def test_many_jobs_at_once(client: gridfall.Client, endless: dict[str, Any]) -> None:
+    for _ in range(2):
+        client.submit(endless, tags=["many"])
+    assert client.cancel_jobs(tag="many") == 2
+    for job in client.jobs(tag="many"):
+        client.wait(job, check=False)
+    assert client.cancel_jobs(tag=["many"], status=["running", "queued"]) == 0
+    assert client.delete_jobs(tag="many", status="canceled") == 2
+    with pytest.raises(gridfall.ApiError):
+        client.delete_jobs()
 
 
 def test_the_awaited_twin(url: str, square: gridfall.Scene, endless: dict[str, Any]) -> None:

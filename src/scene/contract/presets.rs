@@ -84,6 +84,20 @@ pub fn add_class(definitions: &mut Map<String, Value>) {
     definitions.insert("PresetMaterial".into(), preset);
     let variants = definitions["Material"]["oneOf"].as_array_mut().expect("materials are alternatives");
     variants.push(reference("PresetMaterial"));
+    for user in ["Body", "Source"] {
+        let place = &mut definitions[user]["properties"]["material"];
+        let described = place["description"].take();
+        *place = reference("MaterialHere");
+        place["description"] = described;
+    }
+    // All in one list: some generators take no alternatives within alternatives.
+    let mut kinds = vec![json!({ "type": "string" })];
+    kinds.extend(definitions["Material"]["oneOf"].as_array().into_iter().flatten().cloned());
+    let here = json!({
+        "title": "MaterialHere", "description": "Name of an entry of `materials`, or a material as it would be there.",
+        "oneOf": kinds,
+    });
+    definitions.insert("MaterialHere".into(), here);
 }
 
 /// Models of presets, with the names of these.

@@ -6,6 +6,7 @@ use serde_json::{Map, Value};
 
 use super::{AT, Reader, definitions, example};
 use crate::presets;
+use crate::prose::paragraph;
 
 /// The parts in the order of reading, and their headings.
 const PARTS: &[(&str, &str)] = &[
@@ -48,12 +49,12 @@ pub fn page() -> String {
         text += &page.part(name, heading, 2);
     }
     text += "\n## Materials\n";
-    text += &wrapped(
+    text += &paragraph(
         "`materials` has a name for each. `model` says which law it follows. With `preset` in its place a material \
          begins with the values of one that people know ([presets](../PRESETS.md)), and what stands beside replaces \
          them. [Materials](../MATERIALS.md) says which one to take.",
     );
-    text += &wrapped(PICTURES);
+    text += &paragraph(PICTURES);
     for (model, name) in page.materials() {
         text += &page.part(&name, &model, 3);
         text += &page.shown(&name, "material", None);
@@ -65,14 +66,15 @@ pub fn page() -> String {
     text += "\n## Shapes\n";
     let example = "`{\"sphere\": {\"center\": [0, 0, 1], \"radius\": 0.2}}`";
     let about = page.described("Shape");
-    text += &wrapped(&format!("{about} A shape is an object with one member, whose name says what it is: {example}."));
+    text +=
+        &paragraph(&format!("{about} A shape is an object with one member, whose name says what it is: {example}."));
     let shapes = definitions["Shape"]["properties"].as_object().expect("shapes have names");
     for (shape, schema) in shapes {
         match referred(schema) {
             Some(name) => text += &page.part(name, shape, 3),
             None => {
                 let about = [schema["description"].as_str().unwrap_or_default(), "A list of shapes."];
-                let _ = write!(text, "\n### {shape}\n{}", wrapped(about.join(" ").trim()));
+                let _ = write!(text, "\n### {shape}\n{}", paragraph(about.join(" ").trim()));
             }
         }
         let name = referred(schema).unwrap_or(shape);
@@ -105,7 +107,7 @@ impl Page<'_> {
         let definition = &self.definitions[name];
         let mut text = format!("\n{} {heading}\n", "#".repeat(level));
         if let Some(about) = definition["description"].as_str() {
-            text += &wrapped(about);
+            text += &paragraph(about);
         }
         let fields = definition["properties"].as_object().expect("parts have fields");
         let required =
@@ -224,17 +226,4 @@ fn bounds(schema: &Value) -> String {
     let upper = plain("maximum").map(|most| format!(" ≤ {most}"));
     let upper = upper.or(plain("exclusiveMaximum").map(|most| format!(" < {most}")));
     [lower.or(positive), upper].into_iter().flatten().collect::<Vec<_>>().join(",")
-}
-
-/// A paragraph of lines of at most 100 columns, with an empty one before.
-fn wrapped(text: &str) -> String {
-    let (mut lines, mut line) = (String::from("\n"), String::new());
-    for word in text.split_whitespace() {
-        if !line.is_empty() && line.chars().count() + 1 + word.chars().count() > 100 {
-            lines += &(std::mem::take(&mut line) + "\n");
-        }
-        line += if line.is_empty() { "" } else { " " };
-        line += word;
-    }
-    lines + &line + "\n"
 }

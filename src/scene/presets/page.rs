@@ -5,7 +5,11 @@ use gridfall_core::material::parameters::Material;
 use serde_json::Value;
 
 use super::{Preset, Quantity, grouped};
+use crate::prose::filled;
 use crate::structure::schema;
+
+/// Some lines are those of lists, which are indented.
+const COLUMNS: usize = 96;
 
 const HEAD: &str = "\
 # Presets
@@ -64,7 +68,7 @@ pub fn markdown() -> String {
         }
         text += &format!("### `{}`: {}\n\n", preset.name, preset.title);
         text += &format!("{}\n\n", picture(preset, "guide/"));
-        text += &wrapped(&format!("{} Model: `{}`. Left out: {}", preset.about, preset.model, preset.limits));
+        text += &filled(&format!("{} Model: `{}`. Left out: {}", preset.about, preset.model, preset.limits), COLUMNS);
         text += "\n| parameter | value | usual | from |\n|---|---|---|---|\n";
         for quantity in preset.values {
             let [least, most] = quantity.typical.map(number);
@@ -81,7 +85,7 @@ pub fn markdown() -> String {
     text += "## Sources\n\n";
     text += CHECKED;
     for source in sources {
-        text += wrapped(&cited(&source, "**")).replace('\n', "\n  ").trim_end();
+        text += filled(&cited(&source, "**"), COLUMNS).replace('\n', "\n  ").trim_end();
         text += "\n";
     }
     text
@@ -152,18 +156,4 @@ pub fn parameters(material: &Material) -> Vec<String> {
         }
         _ => Vec::new(),
     }
-}
-
-/// Lines of at most 96 columns.
-fn wrapped(text: &str) -> String {
-    let mut lines = vec![String::new()];
-    for word in text.split_whitespace() {
-        let line = lines.last_mut().expect("there is a line");
-        if !line.is_empty() && line.chars().count() + 1 + word.chars().count() > 96 {
-            lines.push(word.to_owned());
-        } else {
-            *line += &format!("{}{word}", if line.is_empty() { "" } else { " " });
-        }
-    }
-    lines.join("\n") + "\n"
 }

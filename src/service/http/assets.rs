@@ -15,7 +15,7 @@ use super::health::require_space;
 use super::holdings::hold;
 use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
-use super::scenes::permit;
+use super::scenes::by_judges;
 use super::state::Api;
 use super::usage::require_rest;
 use crate::store::Upload;
@@ -40,16 +40,12 @@ pub async fn put(
 ) -> Result<Response, Problem> {
     require_space(&api)?;
     require_rest(&api, &caller, bytes.len() as u64).await?;
-    let permit = permit(&api).await?;
     let files = api.data.assets();
-    let kept = tokio::task::spawn_blocking(move || {
-        // Held here and not by the request: a client that disconnects does not make the work
-        // cheaper.
-        let (_permit, _room) = (permit, room);
+    let kept = by_judges(&api, room, move || {
         let kind = examine(&bytes).map_err(|reason| Problem::new(Code::InvalidAsset, reason))?;
         files.put(&bytes, kind).map_err(Problem::from)
     });
-    let (asset, new) = kept.await.map_err(internal)??;
+    let (asset, new) = kept.await??;
     let new = hold(&api, &caller, (Upload::Asset, &asset.id, asset.bytes), new).await?;
     let status = if new { StatusCode::CREATED } else { StatusCode::OK };
     let location = format!("/v1/assets/{}", asset.id);

@@ -24,6 +24,8 @@ pub fn needed(method: &str, route: &str) -> Option<Scope> {
         "/v1/library" | "/v1/library/{name}" | "/v1/materials" | "/v1/materials/{name}" => None,
         _ if route.starts_with("/docs") || route.starts_with("/dashboard") => None,
         "/metrics" => Some(Scope::Admin),
+        // They tell of everybody's jobs.
+        _ if route.starts_with("/v1/webhooks") => Some(Scope::Admin),
         _ if reads => Some(Scope::Read),
         _ => Some(Scope::Submit),
     }

@@ -152,7 +152,7 @@ fn reason(error: &(dyn Error + 'static)) -> String {
     innermost.to_string()
 }
 
-/// The `{id}` of a job or sweep in the path.
+/// The `{id}` of a job, a sweep or a webhook in the path.
 pub struct JobId(pub Uuid);
 
 impl FromRequestParts<Api> for JobId {
@@ -163,7 +163,7 @@ impl FromRequestParts<Api> for JobId {
             Ok(axum::extract::Path(id)) => Ok(Self(id)),
             Err(PathRejection::FailedToDeserializePathParams(error)) => Err(Problem::new(
                 Code::InvalidPath,
-                format!("the ids of jobs and sweeps are UUIDs: {}", error.body_text()),
+                format!("the ids of jobs, sweeps and webhooks are UUIDs: {}", error.body_text()),
             )),
             Err(other) => Err(Problem::new(Code::InvalidPath, other.to_string())),
         }

@@ -14,6 +14,7 @@ use super::extract::{JobId, JsonBody, Query};
 use super::filters::ListJobs;
 use super::health::require_space;
 use super::openapi::PROBLEM;
+use super::pages::Page;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
 use super::submission::{accept, answer, finished, idempotency_key, prepare, sha256_hex};
@@ -130,18 +131,9 @@ pub async fn list(
     caller: Caller,
     Query(query): Query<ListJobs>,
 ) -> Result<Json<JobList>, Problem> {
-    let limit = query.limit.unwrap_or(50);
-    if !(1..=200).contains(&limit) {
-        return Err(Problem::new(Code::InvalidQuery, format!("limit is {limit}; it may be 1 to 200")));
-    }
-    let before = query.cursor.as_ref().map(|cursor| cursor.parse::<i64>()).transpose().map_err(|_| {
-        Problem::new(Code::InvalidQuery, "cursor is not one that this server gave out; take next_cursor of a page")
-    })?;
-    // One more than asked for shows whether there is another page.
-    let mut jobs = api.store.list(&query.filter(&caller), before, limit + 1).await?;
-    let more = jobs.len() > limit as usize;
-    jobs.truncate(limit as usize);
-    let next_cursor = jobs.last().filter(|_| more).map(|job| job.seq.to_string());
+    let page = Page::of(query.limit, query.cursor.as_ref())?;
+    let jobs = api.store.list(&query.filter(&caller), page.after, page.wanted()).await?;
+    let (jobs, next_cursor) = page.cut(jobs, |job| job.seq);
     Ok(Json(JobList { jobs: jobs.into_iter().map(Into::into).collect(), next_cursor }))
 }
 

@@ -17,8 +17,9 @@ use prometheus_client::registry::{Registry, Unit};
 
 use super::problem::{Problem, internal};
 use super::state::Api;
+use super::webhooks::deliver::Attempts;
 use crate::jobs::{Counters, StatusLabel};
-use crate::store::{Status, Usage};
+use crate::store::{DeliveryStatus, Status, Usage};
 
 #[derive(Debug)]
 pub struct Metrics {
@@ -26,6 +27,9 @@ pub struct Metrics {
     requests: Family<RequestLabels, Counter>,
     request_seconds: Family<RouteLabels, Histogram, fn() -> Histogram>,
     jobs: Family<StatusLabel, Gauge>,
+    /// Attempts to deliver messages to webhooks, by result.
+    pub deliveries: Attempts,
+    dead_letters: Gauge,
     key_requests: Family<KeyLabel, Counter>,
     key_jobs: Family<KeyStatusLabel, Gauge>,
     key_bytes: Family<KeyLabel, Gauge>,
@@ -70,11 +74,17 @@ impl Metrics {
             key_jobs: Family::default(),
             key_bytes: Family::default(),
             key_device_seconds: Family::default(),
+            deliveries: Attempts::default(),
+            dead_letters: Gauge::default(),
             registry: Registry::default(),
         };
         registry.register("build", "Version of the server", Info::new(vec![("version", env!("CARGO_PKG_VERSION"))]));
         registry.register("jobs", "Jobs kept, by status", metrics.jobs.clone());
         counters.register(&mut registry);
+        let deliveries = "Messages sent to webhooks: delivered, failed, dead (given up) or gone (nothing more wanted)";
+        registry.register("webhook_deliveries", deliveries, metrics.deliveries.0.clone());
+        let dead = "Messages to webhooks that were given up and are kept";
+        registry.register("webhook_dead_letters", dead, metrics.dead_letters.clone());
         registry.register("http_requests", "Requests answered", metrics.requests.clone());
         registry.register_with_unit(
             "http_request_duration",
@@ -144,6 +154,8 @@ pub async fn metrics(State(api): State<Api>, headers: HeaderMap) -> Result<impl 
         api.metrics.jobs.get_or_create(&StatusLabel { status }).set(n);
     }
     api.store.usage(None).await?.iter().for_each(|usage| api.metrics.used(usage));
+    let dead = api.store.count_deliveries(DeliveryStatus::Dead).await?;
+    api.metrics.dead_letters.set(dead);
     let mut body = String::new();
     text::encode(&mut body, &api.metrics.registry).map_err(internal)?;
     let accepted = headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok());

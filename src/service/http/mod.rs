@@ -37,6 +37,7 @@ mod materials;
 mod metrics;
 mod openapi;
 mod outputs;
+mod pages;
 mod pictures;
 mod problem;
 mod range;
@@ -54,6 +55,7 @@ mod tls;
 mod usage;
 mod viewer;
 mod watch;
+mod webhooks;
 
 pub use docs::markdown as error_codes;
 pub use openapi::{document, document_json};
@@ -61,6 +63,8 @@ pub use router::router;
 pub use server::{Options, ServeError, serve};
 pub use state::{Api, Config};
 pub use tls::Certificate;
+pub use webhooks::address::{Range as AddressRange, range as address_range};
+pub use webhooks::deliver::Patience;
 
 #[cfg(test)]
 mod tests;

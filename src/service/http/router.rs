@@ -14,7 +14,7 @@ use super::state::Api;
 use super::{
     assets, audit, auth, colliders, cors, dashboard, devices, docs, encoding, events, exports, frames, groups, guard,
     headers, health, index, jobs, laboratory, layers, library, live, load, materials, metrics, outputs, pictures,
-    scenes, session, surfaces, sweeps, usage,
+    scenes, session, surfaces, sweeps, usage, webhooks,
 };
 
 /// All routes of the API, and their OpenAPI document.
@@ -80,6 +80,13 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         // /v1/assets, /v1/assets/{id}
         .routes(routes!(assets::put, assets::list))
         .routes(routes!(assets::get))
+        // /v1/webhooks, /v1/webhooks/{id}, /v1/webhooks/{id}/test
+        .routes(routes!(webhooks::add, webhooks::list))
+        .routes(routes!(webhooks::get, webhooks::delete))
+        .routes(routes!(webhooks::test))
+        // /v1/webhooks/{id}/deliveries, /v1/webhooks/{id}/deliveries/{delivery}/retry
+        .routes(routes!(webhooks::deliveries))
+        .routes(routes!(webhooks::retry))
         // /v1/devices
         .routes(routes!(devices::list))
         // /v1/session, /v1/usage

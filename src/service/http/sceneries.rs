@@ -6,8 +6,9 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::timeout;
 use uuid::Uuid;
 
+use super::extract::Room;
 use super::problem::{Code, Problem, internal};
-use super::scenes::permit;
+use super::scenes::by_judges;
 use super::state::Api;
 use gridfall_recording::Scenery;
 use gridfall_scene as scene;
@@ -49,15 +50,12 @@ impl Sceneries {
             return Ok(scenery);
         }
         let text = api.store.scene(job).await?.ok_or_else(|| Problem::job_not_found(job))?;
-        let (permit, limits) = (permit(api).await?, api.config.limits);
-        let (assets, judges) = (api.data.assets(), api.judges.clone());
-        let made = tokio::task::spawn_blocking(move || {
-            let _permit = permit;
-            let problem =
-                judges.install(|| scene::problem_with(&scene::parse(&text)?, &limits, &assets).map(Scenery::new));
-            problem.map(Arc::new).map_err(Problem::invalid_scene)
+        let (limits, assets) = (api.config.limits, api.data.assets());
+        let made = by_judges(api, Room::default(), move || {
+            let problem = scene::problem_with(&scene::parse(&text)?, &limits, &assets);
+            problem.map(|problem| Arc::new(Scenery::new(problem)))
         });
-        let scenery = made.await.map_err(internal)??;
+        let scenery = made.await?.map_err(Problem::invalid_scene)?;
         let mut known = self.known.lock().expect("no code panics while it holds this lock");
         known.retain(|(other, _)| *other != job);
         known.insert(0, (job, scenery.clone()));

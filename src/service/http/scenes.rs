@@ -54,7 +54,7 @@ pub async fn validate(
 }
 
 /// Waits for permission to check a scene; only a limited number is checked at a time.
-pub async fn permit(api: &Api) -> Result<OwnedSemaphorePermit, Problem> {
+async fn permit(api: &Api) -> Result<OwnedSemaphorePermit, Problem> {
     match timeout(api.config.validation_wait, api.validations.clone().acquire_owned()).await {
         Ok(permit) => permit.map_err(internal),
         Err(_) => Err(Problem::new(Code::Overloaded, "too many scenes wait to be judged").retry_after(10)),

@@ -129,6 +129,7 @@ pub async fn serve(
     let housekeeper = tokio::spawn(keep_house(store.clone(), data.clone(), keep));
     let follower = tls.clone().map(|tls| tokio::spawn(tls.follow()));
     let api = Api::new(store.clone(), data, workers.shared(), config);
+    let deliverer = tokio::spawn(api.deliverer().run());
     let (config, app) = (api.config.clone(), router(api));
 
     let (asked, end) = oneshot::channel();
@@ -152,6 +153,8 @@ pub async fn serve(
     if let Some(follower) = follower {
         follower.abort();
     }
+    // What is being sent is sent again later.
+    deliverer.abort();
     workers.stop(WORKER_PATIENCE).await;
     store.close().await;
     Ok(())

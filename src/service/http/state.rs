@@ -11,6 +11,9 @@ use super::frames::Indexes;
 use super::metrics::Metrics;
 use super::sceneries::Sceneries;
 use super::watch::Watches;
+use super::webhooks::address::Range;
+use super::webhooks::deliver::{Deliverer, Patience};
+use super::webhooks::send::Sender;
 use crate::jobs;
 use crate::store::{DataDir, JobStore};
 use gridfall_scene::Limits;
@@ -61,6 +64,9 @@ pub struct Config {
     /// of two cores.
     pub max_work: u64,
     pub limits: Limits,
+    /// Addresses of webhooks that may be called, although they are not on the internet.
+    pub webhook_addresses: Vec<Range>,
+    pub webhook_patience: Patience,
 }
 
 impl Default for Config {
@@ -85,6 +91,8 @@ impl Default for Config {
             allowed_hosts: Vec::new(),
             max_work: 40_000_000,
             limits: Limits::default(),
+            webhook_addresses: Vec::new(),
+            webhook_patience: Patience::default(),
         }
     }
 }
@@ -107,11 +115,23 @@ pub struct Api {
     pub(super) frames: Arc<Indexes>,
     pub(super) sceneries: Arc<Sceneries>,
     pub(super) authority: Arc<Authority>,
+    pub(super) sender: Arc<Sender>,
 }
 
 impl Api {
+    /// What sends messages to webhooks.
+    pub(super) fn deliverer(&self) -> Deliverer {
+        Deliverer {
+            store: self.store.clone(),
+            sender: self.sender.clone(),
+            patience: self.config.webhook_patience,
+            attempts: self.metrics.deliveries.clone(),
+        }
+    }
+
     pub fn new(store: JobStore, data: Arc<DataDir>, worker: Arc<jobs::Shared>, config: Config) -> Self {
         Self {
+            sender: Arc::new(Sender::new(config.webhook_addresses.clone())),
             metrics: Arc::new(Metrics::new(&worker.counters)),
             watches: Arc::default(),
             frames: Arc::default(),

@@ -18,6 +18,7 @@ use super::extract::{JobId, JsonBody, Query, Room};
 use super::health::require_space;
 use super::openapi::PROBLEM;
 use super::outputs::summaries;
+use super::pages::Page;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
 use super::submission::{accepted, affordable, idempotency_key, prepare, sha256_hex, valid_max_cost, valid_name};
@@ -81,8 +82,8 @@ pub struct Sweep {
 
 impl From<store::Sweep> for Sweep {
     fn from(sweep: store::Sweep) -> Self {
+        let ended = sweep.has_ended();
         let store::Sweep { id, name, created_at, jobs, fraction } = sweep;
-        let ended = ["queued", "running"].iter().all(|status| !jobs.contains_key(status));
         Self { id, name, created_at, total: jobs.values().sum(), jobs, fraction, ended }
     }
 }
@@ -278,17 +279,9 @@ pub async fn list_sweeps(
     caller: Caller,
     Query(query): Query<ListSweeps>,
 ) -> Result<Json<SweepList>, Problem> {
-    let limit = query.limit.unwrap_or(50);
-    if !(1..=200).contains(&limit) {
-        return Err(Problem::new(Code::InvalidQuery, format!("limit is {limit}; it may be 1 to 200")));
-    }
-    let before = query.cursor.as_ref().map(|cursor| cursor.parse::<Uuid>()).transpose().map_err(|_| {
-        Problem::new(Code::InvalidQuery, "cursor is not one that this server gave out; take next_cursor of a page")
-    })?;
-    let mut sweeps = api.store.sweeps(caller.confined_to(), before, limit + 1).await?;
-    let more = sweeps.len() > limit as usize;
-    sweeps.truncate(limit as usize);
-    let next_cursor = sweeps.last().filter(|_| more).map(|sweep| sweep.id.to_string());
+    let page = Page::of(query.limit, query.cursor.as_ref())?;
+    let sweeps = api.store.sweeps(caller.confined_to(), page.after, page.wanted()).await?;
+    let (sweeps, next_cursor) = page.cut(sweeps, |sweep| sweep.id);
     Ok(Json(SweepList { sweeps: sweeps.into_iter().map(Sweep::from).collect(), next_cursor }))
 }
 

@@ -26,6 +26,13 @@ pub struct Sweep {
     pub fraction: f64,
 }
 
+impl Sweep {
+    /// Whether all its jobs have ended.
+    pub fn has_ended(&self) -> bool {
+        !self.jobs.contains_key(Status::Queued.as_str()) && !self.jobs.contains_key(Status::Running.as_str())
+    }
+}
+
 impl JobStore {
     /// Newest first; if `before` (a [`Job::seq`]) is given, only those accepted before it.
     pub async fn list(&self, filter: &Filter, before: Option<i64>, limit: i64) -> Result<Vec<Job>> {

@@ -8,6 +8,7 @@ mod assets;
 mod attempts;
 mod clock;
 mod database;
+mod deliveries;
 mod files;
 mod filter;
 mod gathered;
@@ -23,6 +24,7 @@ mod scenes;
 mod submissions;
 mod turns;
 mod usage;
+mod webhooks;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -30,6 +32,7 @@ use std::time::Duration;
 use uuid::Uuid;
 
 pub use assets::{Asset, AssetFiles};
+pub use deliveries::{Delivery, DeliveryStatus, Reply, Verdict};
 pub use files::{AttemptFiles, DataDir, JobFiles};
 pub use filter::Filter;
 pub use groups::Sweep;
@@ -38,6 +41,7 @@ pub use keys::{Key, MAX_KEY_NAME, NewKey, Quotas, Scope, Secret, Standing};
 pub use offers::{Candidate, Offer, OfferEnd, Taken, owner};
 pub use scenes::SceneFiles;
 pub use usage::{USAGE_DAYS, Upload, Usage};
+pub use webhooks::{EventType, NewWebhook, Subject, Webhook};
 
 use clock::Clock;
 use database::{CONNECTIONS, Database};

@@ -112,6 +112,6 @@ pub(super) fn timestamp(us: i64) -> sqlx::Result<Timestamp> {
     Timestamp::from_microsecond(us).map_err(decode)
 }
 
-fn decode<E: Into<Box<dyn Error + Send + Sync>>>(error: E) -> sqlx::Error {
+pub(super) fn decode<E: Into<Box<dyn Error + Send + Sync>>>(error: E) -> sqlx::Error {
     sqlx::Error::Decode(error.into())
 }

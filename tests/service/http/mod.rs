@@ -16,6 +16,8 @@ mod materials;
 mod openapi;
 mod outputs;
 mod pictures;
+mod receiver;
 pub mod support;
 mod tls;
 mod watching;
+mod webhooks;

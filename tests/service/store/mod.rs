@@ -7,6 +7,7 @@ mod offers;
 mod outages;
 mod queue;
 mod releases;
+mod webhooks;
 
 use gridfall_service::store::{Job, JobStore, NewJob, Submission};
 

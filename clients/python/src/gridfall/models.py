@@ -16,6 +16,16 @@ Status = Literal["queued", "running", "succeeded", "failed", "canceled"]
 """`queued → running → succeeded | failed | canceled`; a running job goes back to `queued` when its server stops."""
 
 
+EventType = Literal[
+    "job.queued", "job.started", "job.succeeded", "job.failed", "job.canceled", "sweep.finished", "webhook.test"
+]
+"""What webhooks are told of."""
+
+
+DeliveryStatus = Literal["pending", "delivered", "dead"]
+"""`pending → delivered | dead`; a retry makes it pending again."""
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Backend(Part):
     """What a job runs on.
@@ -492,3 +502,341 @@ class Fault(Part):
     """What is wrong."""
     remedy: str = field(metadata=member())
     """What to change."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SweepList(Part):
+    """A page of sweeps, newest first.
+
+    Fields:
+    - next_cursor: Asks for the next page; null on the last one.
+    - sweeps
+    """
+
+    next_cursor: str | None = field(metadata=member())
+    """Asks for the next page; null on the last one."""
+    sweeps: list[Sweep] = field(metadata=member(of="[Sweep]"))
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Summary(Part):
+    """The finite values of a column; null where there is none.
+
+    Fields:
+    - last
+    - least
+    - most
+    """
+
+    last: float | None = field(metadata=member())
+    least: float | None = field(metadata=member())
+    most: float | None = field(metadata=member())
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SweepResult(Part):
+    """What a job of a sweep has come to.
+
+    Fields:
+    - diagnostics: Of each column of the job's diagnostics so far; empty before its first frame.
+    - id
+    - name
+    - progress
+    - run_s: Wall time of the run so far (s), without the time to load the scene.
+    - status
+    - values: What took the place of the scene's values, by path.
+    """
+
+    diagnostics: Mapping[str, Summary] = field(metadata=member(of="{Summary}"))
+    """Of each column of the job's diagnostics so far; empty before its first frame."""
+    id: str = field(metadata=member())
+    name: str = field(metadata=member())
+    progress: Progress = field(metadata=member(of="Progress"))
+    run_s: float = field(metadata=member())
+    """Wall time of the run so far (s), without the time to load the scene."""
+    status: Status = field(metadata=member())
+    values: Json = field(metadata=member())
+    """What took the place of the scene's values, by path."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SweepResults(Part):
+    """What the jobs of a sweep have come to.
+
+    Fields:
+    - jobs: All jobs, in the order of the values.
+    """
+
+    jobs: list[SweepResult] = field(metadata=member(of="[SweepResult]"))
+    """All jobs, in the order of the values."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ValidSweepJob(Part):
+    """A job that a sweep would have.
+
+    Fields:
+    - estimate_s: Estimated wall time on two cores of a server (s).
+    - name
+    - particles
+    - values: What takes the place of the scene's values, by path.
+    """
+
+    estimate_s: float = field(metadata=member())
+    """Estimated wall time on two cores of a server (s)."""
+    name: str = field(metadata=member())
+    particles: int = field(metadata=member())
+    values: Json = field(metadata=member())
+    """What takes the place of the scene's values, by path."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ValidSweep(Part):
+    """A sweep found valid, and what it costs.
+
+    Fields:
+    - estimate_s: Estimated wall time of all jobs together, one after the other, on two cores of a server (s).
+    - jobs: All jobs, in their order.
+    - valid
+    """
+
+    estimate_s: float = field(metadata=member())
+    """Estimated wall time of all jobs together, one after the other, on two cores of a server (s)."""
+    jobs: list[ValidSweepJob] = field(metadata=member(of="[ValidSweepJob]"))
+    """All jobs, in their order."""
+    valid: bool = field(metadata=member())
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class AssetList(Part):
+    """All assets.
+
+    Fields:
+    - assets
+    """
+
+    assets: list[Asset] = field(metadata=member(of="[Asset]"))
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SceneList(Part):
+    """All scenes that are kept.
+
+    Fields:
+    - ids
+    """
+
+    ids: list[str] = field(metadata=member())
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class PresetSource(Part):
+    """A work that values are taken from.
+
+    Fields:
+    - checked: What of it was seen when its values were taken; empty for what was chosen for this program.
+    - key
+    - text: Authors, year, title, where.
+    """
+
+    checked: str = field(metadata=member())
+    """What of it was seen when its values were taken; empty for what was chosen for this program."""
+    key: str = field(metadata=member())
+    text: str = field(metadata=member())
+    """Authors, year, title, where."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class PresetValue(Part):
+    """A parameter of a preset, in SI units.
+
+    Fields:
+    - description: What it means.
+    - field_
+    - least: Least that is usual.
+    - most: Most that is usual.
+    - note: How it follows from the sources, where it is not simply there.
+    - real: What the real material has, where the value is softer to make runs affordable.
+    - sources: Keys of its sources.
+    - value
+    """
+
+    description: str = field(metadata=member())
+    """What it means."""
+    field_: str = field(metadata=member(key="field"))
+    least: float = field(metadata=member())
+    """Least that is usual."""
+    most: float = field(metadata=member())
+    """Most that is usual."""
+    sources: list[str] = field(metadata=member())
+    """Keys of its sources."""
+    value: float = field(metadata=member())
+    note: str | None = field(default=None, metadata=member())
+    """How it follows from the sources, where it is not simply there."""
+    real: float | None = field(default=None, metadata=member())
+    """What the real material has, where the value is softer to make runs affordable."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class MaterialPreset(Part):
+    """A material that people know: `{"preset": NAME}` in a scene, with values to replace beside it.
+
+    Fields:
+    - about
+    - group: `Liquids`, `Metals`, …
+    - limits: What it does not have of the real thing.
+    - material: As it is in a scene.
+    - name
+    - sources
+    - title
+    - values
+    """
+
+    about: str = field(metadata=member())
+    group: str = field(metadata=member())
+    """`Liquids`, `Metals`, …"""
+    limits: str = field(metadata=member())
+    """What it does not have of the real thing."""
+    material: Json = field(metadata=member())
+    """As it is in a scene."""
+    name: str = field(metadata=member())
+    sources: list[PresetSource] = field(metadata=member(of="[PresetSource]"))
+    title: str = field(metadata=member())
+    values: list[PresetValue] = field(metadata=member(of="[PresetValue]"))
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class MaterialList(Part):
+    """The presets of materials.
+
+    Fields:
+    - materials
+    """
+
+    materials: list[MaterialPreset] = field(metadata=member(of="[MaterialPreset]"))
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Changed(Part):
+    """Number of jobs changed.
+
+    Fields:
+    - jobs
+    """
+
+    jobs: int = field(metadata=member())
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Webhook(Part):
+    """Who is told of what happens to jobs.
+
+    Fields:
+    - created_at
+    - enabled: False once its receiver answered 410: it is told nothing more.
+    - events: Types of events that it is told of; all without any.
+    - id
+    - url
+    """
+
+    created_at: datetime = field(metadata=member(of="datetime"))
+    enabled: bool = field(metadata=member())
+    """False once its receiver answered 410: it is told nothing more."""
+    events: list[EventType] = field(metadata=member())
+    """Types of events that it is told of; all without any."""
+    id: str = field(metadata=member())
+    url: str = field(metadata=member())
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class AddedWebhook(Part):
+    """A webhook that was added, with what its messages are signed with. That is not shown again.
+
+    Fields:
+    - created_at
+    - enabled
+    - events
+    - id
+    - secret: For libraries of Standard Webhooks.
+    - url
+    """
+
+    created_at: datetime = field(metadata=member(of="datetime"))
+    enabled: bool = field(metadata=member())
+    events: list[EventType] = field(metadata=member())
+    id: str = field(metadata=member())
+    secret: str = field(metadata=member())
+    """For libraries of Standard Webhooks."""
+    url: str = field(metadata=member())
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class WebhookList(Part):
+    """All webhooks, oldest first.
+
+    Fields:
+    - webhooks
+    """
+
+    webhooks: list[Webhook] = field(metadata=member(of="[Webhook]"))
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class DeliveryAnswer(Part):
+    """How a receiver answered, or why it did not.
+
+    Fields:
+    - at
+    - status: HTTP status; null where no answer came.
+    - text: The beginning of the answer, or why there is none.
+    """
+
+    at: datetime = field(metadata=member(of="datetime"))
+    status: int | None = field(metadata=member())
+    """HTTP status; null where no answer came."""
+    text: str = field(metadata=member())
+    """The beginning of the answer, or why there is none."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Delivery(Part):
+    """A message to a webhook.
+
+    Fields:
+    - answer
+    - attempts: How often it was sent.
+    - created_at
+    - event
+    - id: The header `webhook-id`, the same each time that it is sent.
+    - next_at: When it is sent again, at the earliest; null unless pending.
+    - payload: What is sent.
+    - status: `pending → delivered | dead`.
+    """
+
+    answer: DeliveryAnswer | None = field(metadata=member(of="DeliveryAnswer"))
+    attempts: int = field(metadata=member())
+    """How often it was sent."""
+    created_at: datetime = field(metadata=member(of="datetime"))
+    event: EventType = field(metadata=member())
+    id: str = field(metadata=member())
+    """The header `webhook-id`, the same each time that it is sent."""
+    next_at: datetime | None = field(metadata=member(of="datetime"))
+    """When it is sent again, at the earliest; null unless pending."""
+    payload: Json = field(metadata=member())
+    """What is sent."""
+    status: DeliveryStatus = field(metadata=member())
+    """`pending → delivered | dead`."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class DeliveryList(Part):
+    """A page of deliveries, newest first.
+
+    Fields:
+    - deliveries
+    - next_cursor: Asks for the next page; null on the last one.
+    """
+
+    deliveries: list[Delivery] = field(metadata=member(of="[Delivery]"))
+    next_cursor: str | None = field(metadata=member())
+    """Asks for the next page; null on the last one."""

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from .document import Json, MaterialPart, plain
 from .errors import JobFailed, NotFinished
 from .exchange import Answer, Call, Give, Manners, Pause, Talk, ask
-from .models import Asset, DeviceList, Job, JobList, KeptScene, LibraryScene, Ready, Status, Sweep, ValidScene
+from .models import Asset, AssetList, Changed, DeviceList, Job, JobList, KeptScene, LibraryScene, MaterialList
+from .models import MaterialPreset, Ready, SceneList, Status, Sweep, ValidScene
 from .outputs import recording
 from .progress import Progress, Watcher
 from .requests import ENDS, PathLike, SceneLike, commas, decoded, given, id_of, job_of, once, path, scene_of
@@ -77,9 +78,30 @@ def element_test(
     return table(dict(zip(curve["columns"], row, strict=True)) for row in curve["rows"])
 
 
+def materials(manners: Manners) -> Talk[list[MaterialPreset]]:
+    """The presets of materials, with their values and where these are from."""
+    return MaterialList.from_dict(decoded((yield from ask(manners, Call("GET", "/v1/materials"))))).materials
+
+
 def keep_scene(manners: Manners, scene: SceneLike) -> Talk[KeptScene]:
     """Keeps a scene on the server, to be run by its id. The same scene twice is one."""
     return KeptScene.from_dict(decoded((yield from ask(manners, Call("POST", "/v1/scenes", json=scene_of(scene))))))
+
+
+def kept_scenes(manners: Manners) -> Talk[list[str]]:
+    """The ids of the scenes that the server keeps."""
+    return SceneList.from_dict(decoded((yield from ask(manners, Call("GET", "/v1/scenes"))))).ids
+
+
+def kept_scene(manners: Manners, scene: KeptScene | str) -> Talk[Scene]:
+    """A scene that the server keeps."""
+    kept = scene if isinstance(scene, str) else scene.id
+    return Scene.from_dict(decoded((yield from ask(manners, Call("GET", f"/v1/scenes/{kept}")))))
+
+
+def assets(manners: Manners) -> Talk[list[Asset]]:
+    """The meshes and particles that were uploaded."""
+    return AssetList.from_dict(decoded((yield from ask(manners, Call("GET", "/v1/assets"))))).assets
 
 
 def upload(manners: Manners, file: PathLike | bytes) -> Talk[Asset]:
@@ -276,3 +298,51 @@ def cancel(manners: Manners, job: Job | str) -> Talk[Job]:
 def delete(manners: Manners, job: Job | str) -> Talk[None]:
     """Deletes a job that has ended, and its files."""
     yield from ask(manners, Call("DELETE", path(job), repeatable=False))
+
+
+def cancel_jobs(
+    manners: Manners,
+    *,
+    status: Status | Sequence[Status] = (),
+    tag: str | Sequence[str] = (),
+    name: str | None = None,
+    sweep: Sweep | str | None = None,
+    created_after: datetime | None = None,
+    created_before: datetime | None = None,
+) -> Talk[int]:
+    """Cancels all jobs that have what is given, as in `jobs`; something must be. Returns how many had not ended."""
+    filters = _filters(status, tag, name, sweep, created_after, created_before)
+    return (yield from _change(manners, "cancel", filters))
+
+
+def delete_jobs(
+    manners: Manners,
+    *,
+    status: Status | Sequence[Status] = (),
+    tag: str | Sequence[str] = (),
+    name: str | None = None,
+    sweep: Sweep | str | None = None,
+    created_after: datetime | None = None,
+    created_before: datetime | None = None,
+) -> Talk[int]:
+    """Deletes all jobs that have what is given and that have ended, and their files. Returns their number."""
+    filters = _filters(status, tag, name, sweep, created_after, created_before)
+    return (yield from _change(manners, "delete", filters))
+
+
+def _change(manners: Manners, what: str, filters: dict[str, Any]) -> Talk[int]:
+    return Changed.from_dict(decoded((yield from ask(manners, Call("POST", f"/v1/jobs:{what}", json=filters))))).jobs
+
+
+def _filters(
+    status: str | Sequence[str],
+    tag: str | Sequence[str],
+    name: str | None,
+    sweep: Sweep | str | None,
+    created_after: datetime | None,
+    created_before: datetime | None,
+) -> dict[str, Any]:
+    several = {"status": status, "tag": tag}
+    lists = {key: [words] if isinstance(words, str) else [*words] for key, words in several.items()}
+    times = {"created_after": created_after, "created_before": created_before}
+    return given(**lists, **times, name=name, sweep=id_of(sweep) if sweep else None)

@@ -131,6 +131,35 @@ def surface(
     return (yield from ask(manners, call)).body
 
 
+def export(
+    manners: Manners,
+    job: Job | str,
+    frame: int,
+    *,
+    form: Literal["ply", "vtp", "npz", "csv"],
+    bodies: Sequence[str] = (),
+    max_points: int | None = None,
+) -> Talk[bytes]:
+    """A frame as a file of another program: the bytes of a PLY, VTP (ParaView), npz or CSV.
+
+    - bodies: names of those that are exported; all without any.
+    - max_points: most points, the same share of all parts; all by default.
+    """
+    params = {"format": form, "body": ",".join(bodies), "max_points": str(max_points or "")}
+    given = {name: value for name, value in params.items() if value}
+    call = Call("GET", f"{path(job)}/frames/{frame}/export", params=given, timeout_s=300)
+    return (yield from ask(manners, call)).body
+
+
+def points(
+    manners: Manners, job: Job | str, frame: int, *, bodies: Sequence[str] = (), max_points: int | None = None
+) -> Talk[dict[str, NDArray[Any]]]:
+    """The points of one frame, without its recording: `position` (n × 3) and the recorded fields, by name."""
+    exported = yield from export(manners, job, frame, form="npz", bodies=bodies, max_points=max_points)
+    with np.load(BytesIO(exported)) as arrays:
+        return dict(arrays)
+
+
 def state(manners: Manners, job: Job | str) -> Talk[dict[str, NDArray[Any]]]:
     """The last state of all particles of a job whose scene has `output.state`.
 

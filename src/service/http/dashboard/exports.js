@@ -1,5 +1,6 @@
 // A frame of a job as files of other programs.
 
+import { ApiError, get } from "./api.js";
 import { h, text } from "./dom.js";
 import { count } from "./format.js";
 
@@ -35,7 +36,7 @@ export function exports(id) {
     forms,
     note,
   );
-  let [last, chosen, flat] = [-1, false, false];
+  let [last, chosen, flat, shapes] = [-1, false, false, true];
   frame.addEventListener("input", () => (chosen = true));
 
   function link() {
@@ -62,8 +63,21 @@ export function exports(id) {
             SURFACES.map(([form, name, what]) => one(`${path}/surface?format=${form}`, name, `for ${what}`, "Surface")),
           )),
       ...row("Picture", [one(`${path}/picture.png?size=1280x720`, "PNG", "1280 × 720", "Picture")]),
-      ...row("Colliders", [one(`${path}/colliders?meshes=true`, "JSON", "as triangles", "Colliders")]),
+      ...(shapes
+        ? row("Colliders", [one(`${path}/colliders?meshes=true`, "JSON", "as triangles", "Colliders")])
+        : []),
     );
+  }
+
+  /** Recordings of old releases have no shapes to send. */
+  async function look() {
+    try {
+      await get(`/v1/jobs/${id}/frames/0/colliders`);
+    } catch (error) {
+      if (!(error instanceof ApiError) || error.problem.code !== "output_not_found") return;
+      shapes = false;
+      link();
+    }
   }
 
   function choose(n) {
@@ -76,6 +90,7 @@ export function exports(id) {
   function update(total, plane) {
     element.hidden = !total;
     if (total - 1 === last && plane === flat) return;
+    if (last < 0 && total) look();
     [last, flat] = [total - 1, plane];
     frame.max = last;
     text(most, `of 0 to ${count(last)}`);

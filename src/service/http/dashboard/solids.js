@@ -28,8 +28,17 @@ export class Solids {
       return await this.#ask(frame);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
-      return { domain: null, solids: [] };
+      const none = { domain: null, solids: [] };
+      // Recordings of old releases have no shapes in any frame. They are not asked again, if it is not the frame that
+      // was missing.
+      if (error.problem.code === "output_not_found" && (await this.#exists(frame))) this.#always = none;
+      return none;
     }
+  }
+
+  async #exists(frame) {
+    const { frames } = await get(`/v1/jobs/${this.job}/frames`, this.signal).catch(() => ({ frames: 0 }));
+    return frame < frames;
   }
 
   async #ask(frame) {

@@ -45,6 +45,19 @@ pub fn of(code: Code) -> &'static str {
         Code::SweepNotFound => {
             "The id is wrong, or all jobs of the sweep were deleted. Submitting a sweep answers its id."
         }
+        Code::WebhookNotFound => "The id is wrong, or the webhook was deleted. `GET /v1/webhooks` lists all.",
+        Code::DeliveryNotFound => {
+            "The id is wrong, or the delivery is old: those that arrived are kept for a week, those given up for a \
+             month. `GET /v1/webhooks/ID/deliveries` lists all."
+        }
+        Code::WebhookDisabled => {
+            "Its receiver answered 410, which means that it wants nothing more. Delete the webhook, and add it anew \
+             once the receiver is there."
+        }
+        Code::WebhookRefused => {
+            "`detail` says what is wrong with the address. Machines of the server's own network are called only if \
+             its operator allows it: `gridfall serve --allow-webhook-address`."
+        }
         Code::CostExceeded => {
             "The run is estimated to take longer than `max_cost` allows. Allow more, or coarsen or shorten the scene."
         }

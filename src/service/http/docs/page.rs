@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::super::problem::Code;
 use super::advice::{self, FAILURES};
+use gridfall_scene::prose::paragraph;
 
 /// A code, its headline and what to do.
 struct Entry {
@@ -41,23 +42,6 @@ pub fn markdown() -> String {
         text += &format!("\n### failure: {code}\n{}", paragraph(advice));
     }
     text
-}
-
-/// A paragraph of lines of at most 100 columns, with an empty one before.
-fn paragraph(text: &str) -> String {
-    let (mut lines, mut line) = (String::from("\n"), String::new());
-    for word in text.split_whitespace() {
-        if !line.is_empty() && line.chars().count() + 1 + word.chars().count() > 100 {
-            lines.push_str(&line);
-            lines.push('\n');
-            line.clear();
-        }
-        if !line.is_empty() {
-            line.push(' ');
-        }
-        line.push_str(word);
-    }
-    lines + &line + "\n"
 }
 
 /// The page as `/docs/errors` shows it. Problems' `type` leads to the entries.

@@ -7,7 +7,7 @@ use super::super::auth::needed;
 use super::super::caller::COOKIE;
 use super::super::problem::Code;
 use super::rows;
-use crate::store::Scope;
+use crate::store::{EventType, Scope};
 use gridfall_scene as scene;
 
 /// The document, ready for clients.
@@ -56,6 +56,7 @@ pub fn finish(mut document: Value) -> Value {
         }
     }
     link(&mut document);
+    document["webhooks"] = messages();
     mend(&mut document);
     document
 }
@@ -71,7 +72,8 @@ fn members(value: &mut Value) -> impl Iterator<Item = &mut Value> {
 }
 
 /// What clients send.
-const REQUESTS: &[&str] = &["SubmitJob", "RerunJob", "SubmitSweep", "JobFilter", "KeepScene", "SignIn", "TestMaterial"];
+const REQUESTS: &[&str] =
+    &["SubmitJob", "RerunJob", "SubmitSweep", "JobFilter", "KeepScene", "SignIn", "TestMaterial", "AddWebhook"];
 
 /// What answers lead to: where in them the id is that other operations take.
 const LINKS: &[(&str, &str, &str, &str, &[&str])] = &[
@@ -80,12 +82,15 @@ const LINKS: &[(&str, &str, &str, &str, &[&str])] = &[
     ("/v1/jobs/{id}/cancel", "post", "202", "$response.body#/id", OF_NEW_JOB),
     ("/v1/sweeps", "post", "202", "$response.body#/id", OF_SWEEP),
     ("/v1/sweeps", "get", "200", "$response.body#/sweeps/0/id", OF_SWEEP),
+    ("/v1/webhooks", "post", "201", "$response.body#/id", OF_WEBHOOK),
     ("/v1/scenes", "post", "201", "$response.body#/id", &["get_scene"]),
     ("/v1/materials", "get", "200", "$response.body#/materials/0/name", &["get_material"]),
     ("/v1/assets", "put", "200", "$response.body#/id", &["get_asset"]),
     ("/v1/assets", "put", "201", "$response.body#/id", &["get_asset"]),
     ("/v1/assets", "get", "200", "$response.body#/assets/0/id", &["get_asset"]),
 ];
+
+const OF_WEBHOOK: &[&str] = &["get_webhook", "delete_webhook", "test_webhook", "list_deliveries"];
 
 const OF_SWEEP: &[&str] = &["get_sweep", "get_sweep_results", "cancel_sweep"];
 
@@ -113,6 +118,45 @@ fn link(document: &mut Value) {
         let to = |name: &&str| ((*name).to_owned(), json!({ "operationId": name, "parameters": { parameter: id } }));
         document["paths"][path][method]["responses"][status]["links"] = operations.iter().map(to).collect();
     }
+}
+
+/// What the server sends to webhooks, by the type of the event.
+fn messages() -> Value {
+    let header = |name: &str, description: &str| {
+        let schema = json!({ "type": "string" });
+        json!({ "name": name, "in": "header", "required": true, "description": description, "schema": schema })
+    };
+    let message = |event: EventType| {
+        let (body, summary) = match event {
+            EventType::JobQueued => ("JobEvent", "A job waits, for the first time or again"),
+            EventType::JobStarted => ("JobEvent", "An attempt of a job has begun"),
+            EventType::JobSucceeded => ("JobEvent", "A job has run to its end"),
+            EventType::JobFailed => ("JobEvent", "A job has failed; `data.failure` says why"),
+            EventType::JobCanceled => ("JobEvent", "A job was canceled"),
+            EventType::SweepFinished => ("SweepEvent", "All jobs of a sweep have ended"),
+            EventType::WebhookTest => ("TestEvent", "Somebody asked for a test"),
+        };
+        let schema = json!({ "$ref": format!("#/components/schemas/{body}") });
+        let operation = json!({
+            "tags": ["webhooks"],
+            "operationId": format!("on_{}", event.as_str().replace('.', "_")),
+            "summary": summary,
+            // Makers of clients leave out what has this mark, and otherwise make calls of it that clients never send.
+            "x-internal": true,
+            "parameters": [
+                header("webhook-id", "The same each time that a message is sent"),
+                header("webhook-timestamp", "When it is sent (s since 1970)"),
+                header("webhook-signature", "`v1,` and HMAC-SHA256 of id, timestamp and body (Standard Webhooks)"),
+            ],
+            "requestBody": { "required": true, "content": { "application/json": { "schema": schema } } },
+            "responses": {
+                "2XX": { "description": "It has arrived; anything but this and 410 makes the server send it again" },
+                "410": { "description": "Nothing more is wanted: the webhook is disabled" },
+            },
+        });
+        (event.as_str().to_owned(), json!({ "post": operation }))
+    };
+    EventType::ALL.into_iter().map(message).collect()
 }
 
 /// A text, not a choice: clients would break when a code is added.

@@ -14,6 +14,7 @@ use utoipa::openapi::response::{Response, ResponseBuilder};
 use utoipa::openapi::{ContentBuilder, OpenApi as Document, Ref, RefOr};
 
 use super::auth::needed;
+use super::webhooks::payload::{JobEvent, SweepEvent, TestEvent};
 use super::{dto, router};
 use crate::store::Scope;
 
@@ -34,12 +35,13 @@ pub const PROBLEM: &str = "application/problem+json";
             operation needs stands in its `security`. What belongs to another key is answered as what is not there.",
         license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0"),
     ),
-    components(schemas(dto::Problem)),
+    components(schemas(dto::Problem, JobEvent, SweepEvent, TestEvent)),
     tags(
         (name = "jobs", description = "Scenes to be run, running and run"),
         (name = "sweeps", description = "Scenes to be run with many values"),
         (name = "outputs", description = "What jobs produce"),
         (name = "scenes", description = "What can be run"),
+        (name = "webhooks", description = "Who is told of what happens to jobs"),
         (name = "assets", description = "Files that scenes name"),
         (name = "keys", description = "Who asks, and what it has used"),
         (name = "health", description = "For operators"),
@@ -106,6 +108,7 @@ fn common_problems(path: &str, operation: &Operation, method: &str) -> BTreeMap<
             match path {
                 _ if assets => &["asset_not_found"],
                 _ if ["/v1/scenes", "/v1/library"].iter().any(|of| path.starts_with(of)) => &["scene_not_found"],
+                _ if path.starts_with("/v1/webhooks") => &["webhook_not_found"],
                 _ if path.starts_with("/v1/materials") => &["material_not_found"],
                 _ => &["job_not_found"],
             },

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::sync::OnceLock;
 
+use super::super::super::conditional::Version;
+use super::super::super::submission::sha256_hex;
 use super::render::{self, escape};
 use super::search::sections;
 
@@ -11,6 +13,8 @@ use super::search::sections;
 include!(concat!(env!("OUT_DIR"), "/guide.rs"));
 
 const FRAME: &str = include_str!("page.html");
+const STYLE: &str = include_str!("style.css");
+const SEARCH: &str = include_str!("search.js");
 
 /// A line of the table of contents.
 #[derive(Debug, PartialEq)]
@@ -23,11 +27,28 @@ enum Entry {
     },
 }
 
-/// All pages as HTML, by their addresses below `/docs/guide/`.
+/// What is sent, and its version.
+pub struct Bound<T> {
+    pub content: T,
+    pub version: Version,
+}
+
+impl<T: AsRef<[u8]>> Bound<T> {
+    pub fn new(content: T) -> Self {
+        let version = Version::of_tag(format!("\"{}\"", &sha256_hex(content.as_ref())[..32]));
+        Self { content, version }
+    }
+}
+
+/// All that the guide is made of, by its address below `/docs/guide/`.
 pub struct Book {
-    pages: BTreeMap<String, String>,
+    /// As HTML.
+    pages: BTreeMap<String, Bound<String>>,
+    pictures: BTreeMap<String, Bound<&'static [u8]>>,
     /// What the search looks through (JSON).
-    index: String,
+    pub index: Bound<String>,
+    pub style: Bound<&'static str>,
+    pub search: Bound<&'static str>,
 }
 
 impl Book {
@@ -36,16 +57,12 @@ impl Book {
         BOOK.get_or_init(Self::bind)
     }
 
-    pub fn page(&self, address: &str) -> Option<&str> {
-        self.pages.get(address).map(String::as_str)
+    pub fn page(&self, address: &str) -> Option<&Bound<String>> {
+        self.pages.get(address)
     }
 
-    pub fn index(&self) -> &str {
-        &self.index
-    }
-
-    pub fn picture(&self, address: &str) -> Option<&'static [u8]> {
-        PICTURES.iter().find(|(path, _)| self::address(path) == address).map(|(_, picture)| *picture)
+    pub fn picture(&self, address: &str) -> Option<&Bound<&'static [u8]>> {
+        self.pictures.get(address)
     }
 
     fn bind() -> Self {
@@ -71,11 +88,17 @@ impl Book {
                 .replace("{before}", &turn("← ", n.checked_sub(1).and_then(|n| pages.get(n))))
                 .replace("{after}", &turn("", pages.get(n + 1)))
                 .replace("{page}", &render::html(text, path));
-            (address(path), page)
+            (address(path), Bound::new(page))
         });
         let text = |path: &str| source(path).unwrap_or_default();
         let index: Vec<_> = pages.iter().flat_map(|(title, path)| sections(title, path, text(path))).collect();
-        Self { pages: bound.collect(), index: serde_json::to_string(&index).expect("sections are plain data") }
+        Self {
+            pages: bound.collect(),
+            pictures: PICTURES.iter().map(|(path, picture)| (address(path), Bound::new(*picture))).collect(),
+            index: Bound::new(serde_json::to_string(&index).expect("sections are plain data")),
+            style: Bound::new(STYLE),
+            search: Bound::new(SEARCH),
+        }
     }
 }
 
@@ -138,6 +161,7 @@ mod tests {
             assert!(book.page(&address(path)).is_some(), "docs/SUMMARY.md lacks {path}");
         }
         for (address, page) in &book.pages {
+            let page = &page.content;
             let values = ["href=\"", "src=\""].map(|mark| page.split(mark).skip(1));
             for link in values.into_iter().flatten().filter_map(|rest| rest.split('"').next()) {
                 let (target, anchor) = link.split_once('#').unwrap_or((link, ""));
@@ -155,7 +179,7 @@ mod tests {
                     continue;
                 }
                 let found = book.page(target).unwrap_or_else(|| panic!("{address}: no page {link}"));
-                assert!(anchor.is_empty() || found.contains(&format!("id=\"{anchor}\"")), "{address}: {link}");
+                assert!(anchor.is_empty() || found.content.contains(&format!("id=\"{anchor}\"")), "{address}: {link}");
             }
             assert!(!page.contains("style=\""), "{address} has a style that the policy forbids");
         }
@@ -164,7 +188,8 @@ mod tests {
     #[test]
     fn headings_have_names_of_their_own() {
         for (address, page) in &Book::get().pages {
-            let mut names: Vec<&str> = page.split(" id=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+            let mut names: Vec<&str> =
+                page.content.split(" id=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
             let all = names.len();
             names.sort_unstable();
             names.dedup();
@@ -175,14 +200,15 @@ mod tests {
     #[test]
     fn the_search_finds_every_heading_at_its_place() {
         let book = Book::get();
-        let index: serde_json::Value = serde_json::from_str(book.index()).unwrap();
+        let index: serde_json::Value = serde_json::from_str(&book.index.content).unwrap();
         let sections = index.as_array().unwrap();
         for section in sections {
             let link = section["href"].as_str().unwrap().strip_prefix("/docs/guide/").unwrap();
             let (page, anchor) = link.split_once('#').unwrap_or((link, "page"));
-            assert!(book.page(page).unwrap().contains(&format!("id=\"{anchor}\"")), "{section}");
+            assert!(book.page(page).unwrap().content.contains(&format!("id=\"{anchor}\"")), "{section}");
         }
-        let count = |page: &String| (1..=6).map(|n| page.matches(&format!("<h{n} id=")).count()).sum::<usize>();
+        let count =
+            |page: &Bound<String>| (1..=6).map(|n| page.content.matches(&format!("<h{n} id=")).count()).sum::<usize>();
         let headings: usize = book.pages.values().map(count).sum();
         let found = sections.iter().filter(|section| section["href"].as_str().unwrap().contains('#')).count();
         assert_eq!(found, headings);
