@@ -1,4 +1,4 @@
-//! Secrets and signatures, as Standard Webhooks has them (https://www.standardwebhooks.com).
+//! Secrets and signatures, as Standard Webhooks has them (<https://www.standardwebhooks.com>).
 
 use base64::Engine;
 use base64::alphabet;
