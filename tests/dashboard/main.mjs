@@ -11,8 +11,8 @@ import * as sweeps from "./sweeps.mjs";
 // The names of steps limit what is done to these; most of them need no others.
 const [url, pictures, ...chosen] = process.argv.slice(2);
 const all = { ...steps.all, ...colliders.all, ...sweeps.all, ...files.all, ...keyboard.all, ...steps.last };
-// Steps of `keys` and of `colliders.old` are for servers of another kind: one that asks for keys, and one whose recordings
-// were made those of an old release.
+// Steps of `keys` and of `colliders.old` are for other servers: one that asks for keys, and one whose recordings were
+// made those of an old release.
 const wanted = Object.entries(chosen.length ? { ...all, ...keys.all, ...colliders.old } : all).filter(
   ([name]) => !chosen.length || chosen.includes(name),
 );
