@@ -42,7 +42,8 @@ CREATE TABLE webhook_events (
     estimate_s        DOUBLE PRECISION,
     sweep             TEXT,
     sweep_values      TEXT    NOT NULL,
-    cluster_job       TEXT
+    cluster_job       TEXT,
+    key_id            TEXT NOT NULL
 );
 
 -- Triggers write in the transaction of the change, whoever makes it: neither is there without the other.
@@ -52,7 +53,7 @@ BEGIN
         at, seq, id, name, status, created_at, started_at, finished_at, attempt, deaths, checkpoint_frame,
         cancel_requested, particles, frames, end_time_s, sim_time_s, step, frames_written, run_s, integrator,
         integrator_reason, notices, backend, failure_code, failure_message, priority, tags, deadline, estimate_s,
-        sweep, sweep_values, cluster_job
+        sweep, sweep_values, cluster_job, key_id
     ) SELECT
         CASE WHEN TG_OP = 'INSERT' THEN NEW.created_at
              ELSE coalesce(NEW.finished_at, NEW.started_at, (extract(epoch FROM clock_timestamp()) * 1000000)::bigint)
@@ -61,7 +62,7 @@ BEGIN
         NEW.attempt, NEW.deaths, NEW.checkpoint_frame, NEW.cancel_requested, NEW.particles, NEW.frames,
         NEW.end_time_s, NEW.sim_time_s, NEW.step, NEW.frames_written, NEW.run_s, NEW.integrator,
         NEW.integrator_reason, NEW.notices, NEW.backend, NEW.failure_code, NEW.failure_message, NEW.priority,
-        NEW.tags, NEW.deadline, NEW.estimate_s, NEW.sweep, NEW.sweep_values, NEW.cluster_job
+        NEW.tags, NEW.deadline, NEW.estimate_s, NEW.sweep, NEW.sweep_values, NEW.cluster_job, NEW.key_id
     WHERE EXISTS (SELECT 1 FROM webhooks WHERE enabled = 1);
     RETURN NULL;
 END

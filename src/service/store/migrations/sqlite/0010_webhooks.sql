@@ -42,7 +42,8 @@ CREATE TABLE webhook_events (
     estimate_s        REAL,
     sweep             TEXT,
     sweep_values      TEXT    NOT NULL,
-    cluster_job       TEXT
+    cluster_job       TEXT,
+    key_id            TEXT NOT NULL
 ) STRICT;
 
 -- Triggers write in the transaction of the change, whoever makes it: neither is there without the other.
@@ -53,13 +54,13 @@ BEGIN
         at, seq, id, name, status, created_at, started_at, finished_at, attempt, deaths, checkpoint_frame,
         cancel_requested, particles, frames, end_time_s, sim_time_s, step, frames_written, run_s, integrator,
         integrator_reason, notices, backend, failure_code, failure_message, priority, tags, deadline, estimate_s,
-        sweep, sweep_values, cluster_job
+        sweep, sweep_values, cluster_job, key_id
     ) VALUES (
         new.created_at, new.seq, new.id, new.name, new.status, new.created_at, new.started_at, new.finished_at,
         new.attempt, new.deaths, new.checkpoint_frame, new.cancel_requested, new.particles, new.frames,
         new.end_time_s, new.sim_time_s, new.step, new.frames_written, new.run_s, new.integrator,
         new.integrator_reason, new.notices, new.backend, new.failure_code, new.failure_message, new.priority,
-        new.tags, new.deadline, new.estimate_s, new.sweep, new.sweep_values, new.cluster_job
+        new.tags, new.deadline, new.estimate_s, new.sweep, new.sweep_values, new.cluster_job, new.key_id
     );
 END;
 
@@ -70,14 +71,14 @@ BEGIN
         at, seq, id, name, status, created_at, started_at, finished_at, attempt, deaths, checkpoint_frame,
         cancel_requested, particles, frames, end_time_s, sim_time_s, step, frames_written, run_s, integrator,
         integrator_reason, notices, backend, failure_code, failure_message, priority, tags, deadline, estimate_s,
-        sweep, sweep_values, cluster_job
+        sweep, sweep_values, cluster_job, key_id
     ) VALUES (
         coalesce(new.finished_at, new.started_at, CAST(unixepoch('subsec') * 1000000 AS INTEGER)),
         new.seq, new.id, new.name, new.status, new.created_at, new.started_at, new.finished_at,
         new.attempt, new.deaths, new.checkpoint_frame, new.cancel_requested, new.particles, new.frames,
         new.end_time_s, new.sim_time_s, new.step, new.frames_written, new.run_s, new.integrator,
         new.integrator_reason, new.notices, new.backend, new.failure_code, new.failure_message, new.priority,
-        new.tags, new.deadline, new.estimate_s, new.sweep, new.sweep_values, new.cluster_job
+        new.tags, new.deadline, new.estimate_s, new.sweep, new.sweep_values, new.cluster_job, new.key_id
     );
 END;
 
