@@ -38,7 +38,7 @@ pub use filter::Filter;
 pub use groups::Sweep;
 pub use job::{Failure, Job, NewJob, NewSweep, Owner, Progress, Status};
 pub use keys::{Key, MAX_KEY_NAME, NewKey, Quotas, Scope, Secret, Standing};
-pub use offers::{Candidate, Offer, OfferEnd, Taken, owner};
+pub use offers::{Candidate, Leftover, Offer, OfferEnd, Taken, owner};
 pub use scenes::SceneFiles;
 pub use usage::{USAGE_DAYS, Upload, Usage};
 pub use webhooks::{EventType, NewWebhook, Subject, Webhook};

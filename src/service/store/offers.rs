@@ -33,6 +33,7 @@ pub struct Candidate {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Offer {
     pub id: Uuid,
+    pub sweep: Option<Uuid>,
     /// The number of the attempt.
     pub attempt: i64,
     /// The scheduler's name of it.
@@ -58,6 +59,15 @@ pub enum Taken {
     NotYet,
     /// The job is not to be run by this attempt, and why.
     Never(String),
+}
+
+/// What a deleted job has left with the scheduler.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Leftover {
+    /// That of the job.
+    pub id: Uuid,
+    pub sweep: Option<Uuid>,
+    pub cluster_job: String,
 }
 
 impl Offer {
@@ -144,7 +154,7 @@ impl JobStore {
     /// The attempts of which the scheduler may still have something.
     pub async fn offers(&self) -> Result<Vec<Offer>> {
         let rows: Vec<OfferRow> = sqlx::query_as(
-            "SELECT id, attempt, owner, offered_attempt, cluster_job, status, cancel_requested, finished_at, \
+            "SELECT id, sweep, attempt, owner, offered_attempt, cluster_job, status, cancel_requested, finished_at, \
                CASE WHEN lease_until < $1 THEN CAST(1 AS BIGINT) ELSE 0 END AS expired FROM jobs \
              WHERE offered_attempt IS NOT NULL ORDER BY seq",
         )
@@ -183,15 +193,16 @@ impl JobStore {
     }
 
     /// What the scheduler may still have of jobs that were deleted.
-    pub async fn leftovers(&self) -> Result<Vec<String>> {
-        let names = sqlx::query_scalar("SELECT cluster_job FROM cluster_leftovers ORDER BY cluster_job LIMIT 1000");
-        Ok(names.fetch_all(&self.database.reader).await?)
+    pub async fn leftovers(&self) -> Result<Vec<Leftover>> {
+        let rows = sqlx::query_as("SELECT id, sweep, cluster_job FROM cluster_leftovers ORDER BY id LIMIT 1000");
+        let rows: Vec<LeftoverRow> = rows.fetch_all(&self.database.reader).await?;
+        Ok(rows.into_iter().map(|row| row.0).collect())
     }
 
     /// The scheduler was told to end these.
-    pub async fn forget_leftovers(&self, names: &[String]) -> Result<()> {
-        for name in names {
-            let forget = sqlx::query("DELETE FROM cluster_leftovers WHERE cluster_job = $1").bind(name);
+    pub async fn forget_leftovers(&self, leftovers: &[Leftover]) -> Result<()> {
+        for Leftover { id, .. } in leftovers {
+            let forget = sqlx::query("DELETE FROM cluster_leftovers WHERE id = $1").bind(id.to_string());
             forget.execute(&self.database.writer).await?;
         }
         Ok(())
@@ -259,6 +270,18 @@ impl FromRow<'_, AnyRow> for CandidateRow {
     }
 }
 
+struct LeftoverRow(Leftover);
+
+impl FromRow<'_, AnyRow> for LeftoverRow {
+    fn from_row(row: &AnyRow) -> sqlx::Result<Self> {
+        Ok(Self(Leftover {
+            id: uuid(row.try_get("id")?)?,
+            sweep: row.try_get::<Option<String>, _>("sweep")?.map(uuid).transpose()?,
+            cluster_job: row.try_get("cluster_job")?,
+        }))
+    }
+}
+
 struct OfferRow(Offer);
 
 impl FromRow<'_, AnyRow> for OfferRow {
@@ -268,6 +291,7 @@ impl FromRow<'_, AnyRow> for OfferRow {
         let holder: Option<String> = row.try_get("owner")?;
         Ok(Self(Offer {
             id: uuid(row.try_get("id")?)?,
+            sweep: row.try_get::<Option<String>, _>("sweep")?.map(uuid).transpose()?,
             attempt,
             begun,
             claimed: begun == attempt && holder.is_some_and(|holder| holder == owner(&cluster_job)),

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 
-use gridfall_service::store::{Failure, JobStore, LEASE, MAX_DEATHS, Offer, OfferEnd, Outcome, Status, Taken};
+use gridfall_service::store::{
+    Failure, JobStore, LEASE, Leftover, MAX_DEATHS, Offer, OfferEnd, Outcome, Status, Taken,
+};
 use uuid::Uuid;
 
 use super::{accept, new_job, on_both};
@@ -124,8 +126,9 @@ async fn what_deleted_jobs_leave_is_remembered(store: JobStore) {
     let (id, _) = taken(&store, 1, "7", None).await;
     assert!(store.finish(id, 1, &Outcome::Succeeded).await.unwrap());
     store.delete(id).await.unwrap();
-    assert_eq!(store.leftovers().await.unwrap(), ["7"]);
-    store.forget_leftovers(&["7".into()]).await.unwrap();
+    let leftovers = store.leftovers().await.unwrap();
+    assert_eq!(leftovers, [Leftover { id, sweep: None, cluster_job: "7".into() }]);
+    store.forget_leftovers(&leftovers).await.unwrap();
     assert!(store.leftovers().await.unwrap().is_empty());
 }
 

@@ -118,9 +118,12 @@ impl Dispatcher {
         let names: Vec<String> = offers.iter().map(|offer| offer.cluster_job.clone()).collect();
         let states = self.cluster.observe(&names).await?;
         let leftovers = self.store.leftovers().await?;
-        let (mut unwanted, mut over, mut held) = (leftovers.clone(), Vec::new(), 0);
+        let of = |name: &String, job, sweep| states.get(name).filter(|seen| seen.is_of(job, sweep));
+        let left = leftovers.iter().filter(|left| of(&left.cluster_job, left.id, left.sweep).is_some());
+        let mut unwanted: Vec<String> = left.map(|left| left.cluster_job.clone()).collect();
+        let (mut over, mut held) = (Vec::new(), 0);
         for offer in &offers {
-            let state = states.get(&offer.cluster_job);
+            let state = of(&offer.cluster_job, offer.id, offer.sweep).map(|seen| &seen.state);
             let there = matches!(state, Some(State::Waiting(_) | State::Alive));
             let is_over = !there || is_over(offer, state);
             // What was displaced may be started once more.
@@ -183,7 +186,7 @@ impl Dispatcher {
             let (cluster, job) = (self.cluster.name(), &offer.cluster_job);
             self.tell(offer.id, &format!("{cluster} job {job} is over: {why}; the job is {status}"));
             tracing::info!(job = %offer.id, cluster_job = job, %status, why, "an offer is over");
-            if matches!(end, OfferEnd::Died(_)) && !offer.claimed {
+            if matches!(end, OfferEnd::Died(_) | OfferEnd::Interrupted) && !offer.claimed {
                 // What is wrong is not wrong with the job, and may pass.
                 let deaths = self.store.get(offer.id).await?.map_or(0, |job| job.deaths);
                 let rounds = ROUNDS_AFTER_DEATH.saturating_pow(deaths.clamp(1, 8) as u32);

@@ -14,6 +14,8 @@ use std::pin::Pin;
 pub use dispatch::Dispatcher;
 pub use slurm::{Slurm, SlurmOptions};
 
+use uuid::Uuid;
+
 use crate::store::Candidate;
 
 /// A request that was not met, with what the scheduler said.
@@ -38,6 +40,23 @@ pub enum State {
     TimedOut,
     /// It lost its place to another, or its node; the scheduler's word for it.
     Displaced(String),
+}
+
+/// What the scheduler shows of one of its jobs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Seen {
+    pub state: State,
+    /// That of its [`Batch`]; empty where the scheduler has forgotten it. A name alone tells little: a controller that
+    /// crashes may give it out again.
+    pub comment: String,
+}
+
+impl Seen {
+    /// Whether this is of the job, or of its sweep.
+    pub fn is_of(&self, job: Uuid, sweep: Option<Uuid>) -> bool {
+        let comment = &self.comment;
+        comment.is_empty() || *comment == job.to_string() || sweep.is_some_and(|sweep| *comment == sweep.to_string())
+    }
 }
 
 /// Attempts that are offered together. They differ in nothing that the scheduler sees.
@@ -76,7 +95,7 @@ pub trait Cluster: Send + Sync {
 
     /// What became of these. Those that the scheduler does not know, or no longer, are left out. Asked for none, it
     /// tells whether there is a scheduler.
-    fn observe<'a>(&'a self, jobs: &'a [String]) -> Answer<'a, HashMap<String, State>>;
+    fn observe<'a>(&'a self, jobs: &'a [String]) -> Answer<'a, HashMap<String, Seen>>;
 
     /// The file with what the process of an offer wrote.
     fn output(&self, job: &str) -> PathBuf;

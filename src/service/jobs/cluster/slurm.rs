@@ -10,7 +10,7 @@ use tokio::io::AsyncWriteExt;
 use tokio::process::Command;
 use tokio::time::timeout;
 
-use super::{Answer, Batch, Cluster, ClusterError, State};
+use super::{Answer, Batch, Cluster, ClusterError, Seen, State};
 
 /// How long one of Slurm's programs may take. They themselves wait for a controller that is away.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -184,20 +184,21 @@ impl Cluster for Slurm {
         })
     }
 
-    fn observe<'a>(&'a self, jobs: &'a [String]) -> Answer<'a, HashMap<String, State>> {
+    fn observe<'a>(&'a self, jobs: &'a [String]) -> Answer<'a, HashMap<String, Seen>> {
         Box::pin(async move {
             let said =
-                ask("squeue", ["--me", "--all", "--noheader", "--array", "--states=all", "--format=%i|%T|%r"]).await?;
+                ask("squeue", ["--me", "--all", "--noheader", "--array", "--states=all", "--format=%i|%T|%k|%r"])
+                    .await?;
             let mut states = states(&said);
             let gone: Vec<&str> = jobs.iter().filter(|&job| !states.contains_key(job)).map(String::as_str).collect();
             if !gone.is_empty() {
                 // Where there is no accounting, nobody remembers them.
                 let list = format!("--jobs={}", gone.join(","));
-                let options = ["--noheader", "--allocations", "--parsable2", "--format=JobID,State", &list];
+                let options = ["--noheader", "--allocations", "--parsable2", "--format=JobID,State,Comment", &list];
                 if let Ok(said) = ask("sacct", options).await {
                     // That it began and never ended is no news.
                     let ends = self::states(&said).into_iter();
-                    states.extend(ends.filter(|(_, state)| !matches!(state, State::Waiting(_) | State::Alive)));
+                    states.extend(ends.filter(|(_, seen)| !matches!(seen.state, State::Waiting(_) | State::Alive)));
                 }
             }
             Ok(states)
@@ -227,18 +228,24 @@ fn printable(name: &str) -> String {
     name.chars().filter(|c| !c.is_control() && *c != '|').take(80).collect()
 }
 
-/// Lines of `job|state`, perhaps with `|reason`.
-fn states(said: &str) -> HashMap<String, State> {
+/// Lines of `job|state|comment`, perhaps with `|reason`.
+fn states(said: &str) -> HashMap<String, Seen> {
     let line = |line: &str| {
-        let (job, rest) = line.trim().split_once('|')?;
-        let (word, reason) = rest.split_once('|').unwrap_or((rest, ""));
-        Some((job.to_owned(), state(word, reason)))
+        let mut fields = line.trim().splitn(4, '|');
+        let (job, word, comment) = (fields.next()?, fields.next()?, fields.next()?);
+        let comment = if comment == "(null)" { "" } else { comment };
+        let state = state(word, fields.next().unwrap_or_default());
+        Some((job.to_owned(), Seen { state, comment: comment.to_owned() }))
     };
     said.lines().filter_map(line).collect()
 }
 
 /// Slurm's words for what becomes of jobs, one by one.
 fn state(word: &str, reason: &str) -> State {
+    // Nothing but a person would start it again.
+    if reason.ends_with("failed requeued held") {
+        return State::Displaced(reason.into());
+    }
     // "CANCELLED by 1000"
     match word.split(' ').next().unwrap_or_default() {
         "PENDING" | "REQUEUED" | "REQUEUE_FED" | "REQUEUE_HOLD" | "RESV_DEL_HOLD" | "SPECIAL_EXIT" => {

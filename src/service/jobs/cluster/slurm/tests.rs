@@ -27,18 +27,30 @@ fn batch(jobs: u128, deaths: i64, estimate_s: f64) -> Batch {
 
 #[test]
 fn every_word_of_slurm_has_a_meaning() {
-    let said = "0|PENDING|Resources\n1|RUNNING|None\n2_0|COMPLETED\n2_1|CANCELLED by 1000\n3|NODE_FAIL\n\
-                4|OUT_OF_MEMORY\n5|TIMEOUT\n6|NEW\n";
+    let said = "0|PENDING|a|Resources\n1|RUNNING|a|None\n2_0|COMPLETED|b|None\n2_1|CANCELLED by 1000|\n3|NODE_FAIL|(null)\n\
+                4|OUT_OF_MEMORY|\n5|TIMEOUT|\n6|NEW|\n7|PENDING|a|launch failed requeued held\n";
     let states = states(said);
-    assert_eq!(states.len(), 8);
-    assert_eq!(states["0"], State::Waiting("Resources".into()));
-    assert_eq!(states["1"], State::Alive);
-    assert_eq!(states["2_0"], State::Completed);
-    assert_eq!(states["2_1"], State::Canceled);
-    assert_eq!(states["3"], State::Displaced("NODE_FAIL".into()));
-    assert_eq!(states["4"], State::Failed("OUT_OF_MEMORY".into()));
-    assert_eq!(states["5"], State::TimedOut);
-    assert_eq!(states["6"], State::Failed("NEW".into()));
+    assert_eq!(states.len(), 9);
+    let state = |job: &str| states[job].state.clone();
+    assert_eq!(state("0"), State::Waiting("Resources".into()));
+    assert_eq!(state("1"), State::Alive);
+    assert_eq!(state("2_0"), State::Completed);
+    assert_eq!(state("2_1"), State::Canceled);
+    assert_eq!(state("3"), State::Displaced("NODE_FAIL".into()));
+    assert_eq!(state("4"), State::Failed("OUT_OF_MEMORY".into()));
+    assert_eq!(state("5"), State::TimedOut);
+    assert_eq!(state("6"), State::Failed("NEW".into()));
+    assert_eq!(state("7"), State::Displaced("launch failed requeued held".into()), "it would wait for ever");
+    assert_eq!((states["2_0"].comment.as_str(), states["3"].comment.as_str()), ("b", ""));
+}
+
+#[test]
+fn a_number_that_was_given_out_again_is_another_job() {
+    let (job, sweep, other) = (Uuid::from_u128(1), Uuid::from_u128(2), Uuid::from_u128(3));
+    let seen = |comment: String| Seen { state: State::Alive, comment };
+    assert!(seen(job.to_string()).is_of(job, None) && seen(sweep.to_string()).is_of(job, Some(sweep)));
+    assert!(!seen(other.to_string()).is_of(job, Some(sweep)));
+    assert!(seen(String::new()).is_of(job, None), "it is not known");
 }
 
 #[test]
