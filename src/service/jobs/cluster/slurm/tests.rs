@@ -27,8 +27,8 @@ fn batch(jobs: u128, deaths: i64, estimate_s: f64) -> Batch {
 
 #[test]
 fn every_word_of_slurm_has_a_meaning() {
-    let said = "0|PENDING|a|Resources\n1|RUNNING|a|None\n2_0|COMPLETED|b|None\n2_1|CANCELLED by 1000|\n3|NODE_FAIL|(null)\n\
-                4|OUT_OF_MEMORY|\n5|TIMEOUT|\n6|NEW|\n7|PENDING|a|launch failed requeued held\n";
+    let said = "0|PENDING|a|Resources\n1|RUNNING|a|None\n2_0|COMPLETED|b|None\n2_1|CANCELLED by 1000|\n\
+                3|NODE_FAIL|(null)\n4|OUT_OF_MEMORY|\n5|TIMEOUT|\n6|NEW|\n7|PENDING|a|launch failed requeued held\n";
     let states = states(said);
     assert_eq!(states.len(), 9);
     let state = |job: &str| states[job].state.clone();
