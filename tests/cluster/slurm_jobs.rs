@@ -29,6 +29,23 @@ fn with_checkpoint(server: &Server, job: &str) {
     panic!("no checkpoint in {}", checkpoints.display());
 }
 
+/// A job that has written a checkpoint, and what it leaves if nothing disturbs it.
+fn half_way(server: &Server) -> (String, Vec<(&'static str, Vec<u8>)>) {
+    let calm = server.submit(long());
+    server.wait_for(&calm, "succeeded");
+    let expected = outputs(server, &calm);
+    let job = server.submit(long());
+    with_checkpoint(server, &job);
+    (job, expected)
+}
+
+/// Sends a signal to the process of a job's first attempt. Returns false if there is none.
+fn signal(job: &str, signal: &str) -> bool {
+    let id = job.rsplit('/').next().unwrap();
+    let sent = Command::new("pkill").args([signal, "-f", &format!("worker.*--attempt 1 --job {id}")]).status();
+    sent.unwrap().success()
+}
+
 fn log(server: &Server, job: &str) -> String {
     String::from_utf8(server.get(&format!("{job}/log")).body).unwrap()
 }
@@ -131,12 +148,7 @@ fn a_job_that_loses_its_place_goes_on_from_where_it_was() {
     // Its own: what takes the place of a job might take that of another test's.
     let (slurm, dir) = (slurm::Slurm::start(), tempfile::tempdir().unwrap());
     let server = serve(&slurm, dir.path(), &postgres::shared().database(), &[]);
-    let calm = server.submit(long());
-    server.wait_for(&calm, "succeeded");
-    let expected = outputs(&server, &calm);
-
-    let job = server.submit(long());
-    with_checkpoint(&server, &job);
+    let (job, expected) = half_way(&server);
     let first = cluster_job(&server.job(&job));
     let other = ["--parsable", "--partition=high", "--gres=gpu:2", "--output=/dev/null", "--wrap=sleep 1"];
     slurm.ask("sbatch", &other);
@@ -155,23 +167,13 @@ fn a_process_that_has_lost_its_job_changes_nothing() {
     let (slurm, dir) = (slurm::shared(), tempfile::tempdir().unwrap());
     let database = postgres::shared().database();
     let server = serve(slurm, dir.path(), &database, &[]);
-    let calm = server.submit(long());
-    server.wait_for(&calm, "succeeded");
-    let expected = outputs(&server, &calm);
-
-    let job = server.submit(long());
-    with_checkpoint(&server, &job);
-    let id = job.rsplit('/').next().unwrap();
-    let signal = |signal: &str| {
-        let sent = Command::new("pkill").args([signal, "-f", &format!("worker.*--attempt 1 --job {id}")]).status();
-        sent.unwrap().success()
-    };
+    let (job, expected) = half_way(&server);
     // To everybody else it is as if its node had died; and a server that runs jobs itself cannot end it.
-    assert!(signal("-STOP"));
+    assert!(signal(&job, "-STOP"));
     server.terminate();
     let server = serve_alone(dir.path(), &["--database", &database]);
     server.wait_until(&job, "a second attempt", |job| job["attempt"] == 2);
-    assert!(signal("-CONT"));
+    assert!(signal(&job, "-CONT"));
     server.wait_for(&job, "succeeded");
     compare(&server, &job, &expected);
     for _ in 0..100 {
@@ -190,9 +192,8 @@ fn a_process_that_hangs_is_ended_and_another_goes_on() {
     let server = serve(slurm, dir.path(), &postgres::shared().database(), &[]);
     let job = server.submit(long());
     with_checkpoint(&server, &job);
-    let (id, first) = (job.rsplit('/').next().unwrap(), cluster_job(&server.job(&job)));
-    let stopped = Command::new("pkill").args(["-STOP", "-f", &format!("worker.*--attempt 1 --job {id}")]).status();
-    assert!(stopped.unwrap().success());
+    let first = cluster_job(&server.job(&job));
+    assert!(signal(&job, "-STOP"));
     assert_eq!(server.wait_for(&job, "succeeded")["attempt"], 2);
     assert!(log(&server, &job).contains("nothing was heard of it for too long"), "{}", log(&server, &job));
     slurm.wait_for(&first, "CANCELLED");
@@ -202,12 +203,7 @@ fn a_process_that_hangs_is_ended_and_another_goes_on() {
 fn a_node_that_goes_down_costs_no_job() {
     let (slurm, dir) = (slurm::Slurm::start(), tempfile::tempdir().unwrap());
     let server = serve(&slurm, dir.path(), &postgres::shared().database(), &[]);
-    let calm = server.submit(long());
-    server.wait_for(&calm, "succeeded");
-    let expected = outputs(&server, &calm);
-
-    let job = server.submit(long());
-    with_checkpoint(&server, &job);
+    let (job, expected) = half_way(&server);
     let first = cluster_job(&server.job(&job));
     slurm.ask("scontrol", &["update", "nodename=ALL", "state=down", "reason=test"]);
     slurm.wait_for_node();
@@ -222,12 +218,7 @@ fn a_database_that_is_away_for_a_while_costs_no_job() {
     let (slurm, dir) = (slurm::shared(), tempfile::tempdir().unwrap());
     let mut database = postgres::Postgres::start();
     let server = serve(slurm, dir.path(), &database.database(), &[]);
-    let calm = server.submit(long());
-    server.wait_for(&calm, "succeeded");
-    let expected = outputs(&server, &calm);
-
-    let job = server.submit(long());
-    with_checkpoint(&server, &job);
+    let (job, expected) = half_way(&server);
     database.stop();
     sleep(Duration::from_secs(2));
     database.restart();

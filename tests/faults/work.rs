@@ -87,3 +87,19 @@ pub fn compare(server: &Server, job: &str, expected: &[(&str, Vec<u8>)]) {
         );
     }
 }
+
+/// Fails unless all jobs, each with the number of its scene, succeed with the outputs of undisturbed runs, and some of
+/// them in more than one attempt.
+pub fn all_succeed(server: &Server, jobs: &[(String, usize)], expected: &[Vec<(&str, Vec<u8>)>]) {
+    let mut attempts = 0;
+    let mut resumed = 0;
+    for (job, kind) in jobs {
+        let ended = server.wait_for(job, "succeeded");
+        let attempt = ended["attempt"].as_u64().unwrap();
+        attempts += attempt;
+        resumed += u64::from(attempt > 1);
+        compare(server, job, &expected[*kind]);
+    }
+    println!("{} jobs in {attempts} attempts, {resumed} of them with more than one", jobs.len());
+    assert!(resumed > 0, "no kill hit a job");
+}
