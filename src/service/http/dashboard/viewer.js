@@ -20,8 +20,10 @@ const KEYS =
 export function viewer(main, id, signal) {
   const frames = new Frames(id, { signal });
   const state = badge();
-  let [job, scene3d, rate, total, at, field] = [null, null, 24, 0, -1, "speed"];
-  let [playing, wanted, busy, range, units, solids, bodies] = [false, null, false, null, {}, null, []];
+  // The frame that is shown, and the one that was asked for last.
+  let [at, asked] = [-1, -1];
+  let [job, scene3d, rate, total, field] = [null, null, 24, 0, "speed"];
+  let [playing, busy, range, units, solids, bodies] = [false, false, null, {}, null, []];
 
   const title = h("h1", {}, "3D view");
   const back = h("a", { href: `#/jobs/${id}` }, "Job");
@@ -108,20 +110,21 @@ export function viewer(main, id, signal) {
   /** Shows a frame; while one is loaded, the last that was asked for waits. */
   async function go(frame) {
     if (frame < 0 || frame >= total || !scene3d) return;
-    wanted = frame;
+    asked = frame;
     if (busy) return;
     busy = true;
     try {
-      while (wanted !== null) {
-        const next = wanted;
-        wanted = null;
+      let [next, by] = [];
+      do {
+        [next, by] = [asked, field];
         const [points, placed] = await Promise.all([frames.get(next, field), solids.at(next)]);
         if (signal.aborted) return;
         place(placed);
         show(points);
-      }
+      } while (next !== asked || by !== field);
       errors.replaceChildren();
     } catch (error) {
+      scrub.value = asked = at;
       if (!signal.aborted) errors.replaceChildren(failed(error));
     } finally {
       busy = false;
@@ -148,7 +151,8 @@ export function viewer(main, id, signal) {
     scene3d.setPoints(points);
     draw();
     note.hidden = true;
-    scrub.value = at;
+    // The frames that come by must not move the slider from where it was set meanwhile.
+    scrub.value = asked;
     const shares = points.n < points.recorded ? ` of ${count(points.recorded)}` : "";
     text(said, `frame ${at} of ${total - 1}, ${number(points.time)} s, ${count(points.n)}${shares} points`);
     scrub.setAttribute("aria-valuetext", `frame ${at}, ${number(points.time)} s`);
@@ -160,7 +164,7 @@ export function viewer(main, id, signal) {
   function step(by) {
     following.checked = false;
     setPlaying(false);
-    go(Math.min(total - 1, Math.max(0, at + by)));
+    go(Math.min(total - 1, Math.max(0, asked + by)));
   }
 
   function setPlaying(on) {
@@ -190,7 +194,7 @@ export function viewer(main, id, signal) {
   function recolor() {
     field = colors.value;
     range = null;
-    go(at < 0 ? 0 : at);
+    go(Math.max(0, asked));
   }
 
   function restyle() {
