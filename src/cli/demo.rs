@@ -123,6 +123,7 @@ impl Server {
             listen: SocketAddr::from(([127, 0, 0, 1], 0)),
             data_dir: data_dir.clone(),
             database: None,
+            files: None,
             insecure_no_auth: false,
             certificate: None,
             keep: Keep::default(),

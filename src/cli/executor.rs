@@ -15,7 +15,8 @@ use gridfall_service::jobs::cluster::{Slurm, SlurmOptions};
 #[derive(Debug, Args)]
 pub struct ExecutorArguments {
     /// What runs the jobs: this process, or a cluster's scheduler, which starts `gridfall worker` for each. All its
-    /// nodes need the data directory under the same path, and a database that they can reach.
+    /// nodes need a database that they can reach, and the data directory under the same path, or --files and
+    /// --cluster-scratch.
     #[arg(long, value_enum, default_value_t = Kind::Local, env = "GRIDFALL_EXECUTOR")]
     executor: Kind,
     /// With --executor slurm: an option of sbatch, such as --sbatch=--partition=gpu or --sbatch=--gres=gpu:1.
@@ -31,6 +32,10 @@ pub struct ExecutorArguments {
     #[arg(long, default_value_t = 1000, value_name = "N", value_parser = clap::value_parser!(u32).range(1..),
         env = "GRIDFALL_CLUSTER_JOBS")]
     cluster_jobs: u32,
+    /// With another executor than local, and --files: a folder of each node's own for what its jobs have not taken to
+    /// the object storage yet. It must be there. Then no data directory is shared.
+    #[arg(long, value_name = "DIR", env = "GRIDFALL_CLUSTER_SCRATCH")]
+    cluster_scratch: Option<PathBuf>,
     /// With another executor than local: this program on the nodes [default: where it is here].
     #[arg(long, value_name = "PATH", env = "GRIDFALL_CLUSTER_PROGRAM")]
     cluster_program: Option<PathBuf>,
@@ -46,6 +51,7 @@ enum Kind {
 pub struct Home<'a> {
     pub data_dir: &'a std::path::Path,
     pub database: Option<&'a str>,
+    pub files: Option<&'a str>,
     pub checkpoint_seconds: f64,
 }
 
@@ -85,9 +91,26 @@ impl ExecutorArguments {
         };
         let mut arguments = device.arguments();
         arguments.extend(["--checkpoint-seconds".into(), home.checkpoint_seconds.to_string()]);
+        let folder = match (home.files, &self.cluster_scratch) {
+            (None, None) => home.data_dir,
+            (Some(_), Some(scratch)) => scratch,
+            (Some(_), None) => {
+                return Err(CliError::BadInput(
+                    "--files: give --cluster-scratch DIR, too: a folder of each node's own, such as /tmp".into(),
+                ));
+            }
+            (None, Some(_)) => {
+                return Err(CliError::BadInput(
+                    "--cluster-scratch is for files in an object storage; give --files s3://BUCKET, too, or leave it \
+                     out"
+                    .into(),
+                ));
+            }
+        };
         let options = SlurmOptions {
             program,
-            data_dir: absolute(home.data_dir)?,
+            folder: absolute(folder)?,
+            files: home.files.map(str::to_owned),
             database: database.to_owned(),
             arguments,
             sbatch: self.sbatch,

@@ -29,6 +29,16 @@ pub struct Arguments {
     /// directory. Other users of the machine can read command lines: pass a password by the environment.
     #[arg(long, value_name = "URL", env = "GRIDFALL_DATABASE", hide_env_values = true)]
     database: Option<String>,
+    /// Keep the outputs of jobs and the uploads in S3 or what speaks its protocol: s3://BUCKET or
+    /// s3://BUCKET/PREFIX. The data directory then holds copies. The endpoint, the region and the
+    /// credentials come from AWS_ENDPOINT_URL, AWS_REGION, AWS_ACCESS_KEY_ID and
+    /// AWS_SECRET_ACCESS_KEY, or from the machine's role.
+    #[arg(long, value_name = "URL", env = "GRIDFALL_FILES")]
+    files: Option<String>,
+    /// With --files: room for copies of recordings and last states here (bytes). More of them are removed, and fetched
+    /// when they are asked for.
+    #[arg(long, default_value_t = 20 << 30, value_name = "N", env = "GRIDFALL_CACHE_BYTES")]
+    cache_bytes: u64,
     /// Listen on an address that other machines can reach, although there are no keys.
     /// Anyone who can reach the server can then run, read and delete jobs: for containers and
     /// networks that keep strangers out. Once there are keys (`gridfall keys create`), everybody is
@@ -125,6 +135,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let home = Home {
         data_dir: &arguments.data_dir,
         database: arguments.database.as_deref(),
+        files: arguments.files.as_deref(),
         checkpoint_seconds: arguments.checkpoint_seconds,
     };
     let executor = runtime.block_on(arguments.executor.choose(arguments.devices, home))?;
@@ -134,6 +145,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         listen: arguments.listen,
         data_dir: arguments.data_dir,
         database: arguments.database,
+        files: arguments.files.map(|files| (files, arguments.cache_bytes)),
         insecure_no_auth: arguments.insecure_no_auth,
         certificate,
         keep: Keep {

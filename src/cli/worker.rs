@@ -12,11 +12,11 @@ use super::logs::LogArguments;
 use super::serve::{opener, positive, runtime};
 use super::{CliError, interrupt};
 use gridfall_service::jobs::{Order, ProcessError, Settings, work_off};
-use gridfall_service::store::{DataDir, JobStore, Status, StoreError};
+use gridfall_service::store::{DataDir, JobStore, Objects, ObjectsError, Status, StoreError};
 
 /// How often progress is written. There may be many such processes.
 const HEARTBEAT: Duration = Duration::from_secs(1);
-/// How long to wait for the database at the start.
+/// How long to wait for the database and the object storage at the start.
 const PATIENCE: Duration = Duration::from_secs(300);
 /// How long a frame may take to end when the process is to stop. Schedulers kill after 30 s.
 const GRACE: Duration = Duration::from_secs(25);
@@ -34,9 +34,12 @@ pub struct Arguments {
     /// What the scheduler calls this process.
     #[arg(long, value_name = "NAME")]
     cluster_job: String,
-    /// The server's data directory.
+    /// The server's data directory; with --files, a folder of this machine for what is not there yet.
     #[arg(long, value_name = "DIR", env = "GRIDFALL_DATA_DIR")]
     data_dir: PathBuf,
+    /// Where the server keeps its files, if that is not its data directory. See gridfall serve --help.
+    #[arg(long, value_name = "URL", env = "GRIDFALL_FILES")]
+    files: Option<String>,
     /// The server's database: postgres://USER:PASSWORD@HOST/NAME. Other users of the machine can read command lines:
     /// pass it by the environment.
     #[arg(long, value_name = "URL", env = "GRIDFALL_DATABASE", hide_env_values = true)]
@@ -56,8 +59,18 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let failed = |error: &dyn std::fmt::Display| CliError::Failed(error.to_string());
     let status = runtime.block_on(async {
         let stop = interrupt::requested().map_err(|error| failed(&error))?;
-        let data = DataDir::join(&arguments.data_dir).map_err(|error| failed(&error))?;
-        let store = connect(&arguments.database).await.map_err(|error| failed(&error))?;
+        let data = match &arguments.files {
+            Some(files) => {
+                let objects =
+                    patiently(|| Objects::open(files), |error| matches!(error, ObjectsError::Unusable { .. }));
+                DataDir::scratch(&arguments.data_dir, objects.await.map_err(|error| failed(&error))?)
+            }
+            None => DataDir::join(&arguments.data_dir),
+        };
+        let data = data.map_err(|error| failed(&error))?;
+        let away = |error: &StoreError| matches!(error, StoreError::Unreachable { .. } | StoreError::Database(_));
+        let store = patiently(|| JobStore::connect_sparingly(&arguments.database), away);
+        let store = store.await.map_err(|error| failed(&error))?;
         let order = Order {
             store,
             data: Arc::new(data),
@@ -88,12 +101,15 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     }
 }
 
-/// Waits for a database that is away, or has no connection left.
-async fn connect(url: &str) -> Result<JobStore, StoreError> {
+/// Tries again while what is needed is away: a database, which may also have no connection left, or the object storage.
+async fn patiently<T, E: std::fmt::Display, F: Future<Output = Result<T, E>>>(
+    open: impl Fn() -> F,
+    is_away: impl Fn(&E) -> bool,
+) -> Result<T, E> {
     let started = Instant::now();
     loop {
-        match JobStore::connect_sparingly(url).await {
-            Err(error @ (StoreError::Unreachable { .. } | StoreError::Database(_))) if started.elapsed() < PATIENCE => {
+        match open().await {
+            Err(error) if is_away(&error) && started.elapsed() < PATIENCE => {
                 tracing::warn!("{error}; it is tried again");
                 tokio::time::sleep(HEARTBEAT).await;
             }

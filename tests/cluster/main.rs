@@ -3,10 +3,15 @@
 //!
 //! `GRIDFALL_KILLS` sets how often each part is killed (3 by default).
 
+#[path = "../common/daemon.rs"]
+mod daemon;
 #[path = "../common/guide.rs"]
 mod guide;
 #[path = "../common/postgres.rs"]
 mod postgres;
+#[expect(dead_code, reason = "here the storage lives on")]
+#[path = "../common/s3.rs"]
+mod s3;
 #[path = "../common/slurm.rs"]
 mod slurm;
 #[path = "../service/http/support.rs"]
@@ -17,6 +22,7 @@ mod work;
 
 mod kills;
 mod slurm_jobs;
+mod storage;
 
 use std::path::Path;
 use std::process::{Command, Stdio};

@@ -40,7 +40,7 @@ fn half_way(server: &Server) -> (String, Vec<(&'static str, Vec<u8>)>) {
 }
 
 /// Sends a signal to the process of a job's first attempt. Returns false if there is none.
-fn signal(job: &str, signal: &str) -> bool {
+pub fn signal(job: &str, signal: &str) -> bool {
     let id = job.rsplit('/').next().unwrap();
     let sent = Command::new("pkill").args([signal, "-f", &format!("worker.*--attempt 1 --job {id}")]).status();
     sent.unwrap().success()
@@ -51,7 +51,7 @@ fn log(server: &Server, job: &str) -> String {
 }
 
 /// A run of many frames, of some seconds, that ends with the same bytes wherever it is interrupted.
-fn long() -> Value {
+pub fn long() -> Value {
     let mut scene = scenes().remove(0);
     scene["time"] = json!({ "end": 6.0, "frame_rate": 200 });
     scene

@@ -4,10 +4,12 @@ use std::fs;
 use std::net::TcpListener;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::sync::{Mutex, OnceLock};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
+
+use super::daemon::Daemon;
 
 /// How long Slurm may take to do what it is told.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -15,13 +17,10 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// `munged`, `slurmctld` and `slurmd`. The node has eight processors and two devices, whatever the machine has.
 pub struct Slurm {
     dir: PathBuf,
-    munged: Daemon,
+    munged: Option<Daemon>,
     controller: Mutex<Option<Daemon>>,
     node: Mutex<Option<Daemon>>,
 }
-
-/// A program that ends with this process, however that ends.
-struct Daemon(Child);
 
 /// The cluster that the tests of a program share.
 pub fn shared() -> &'static Slurm {
@@ -45,7 +44,7 @@ impl Slurm {
         fs::write(dir.join("gres.conf"), format!("Name=gpu File={}/gpu[0-1]\n", dir.display())).unwrap();
         fs::write(dir.join("slurm.conf"), configuration(&dir)).unwrap();
         let at = |name: &str| dir.join(name).display().to_string();
-        let munged = Daemon::start(
+        let munged = Some(daemon(
             &dir,
             "munged",
             &[
@@ -57,7 +56,7 @@ impl Slurm {
                 format!("--seed-file={}", at("munge.seed")),
                 format!("--log-file={}", at("log/munged")),
             ],
-        );
+        ));
         let started = Instant::now();
         while !dir.join("munge.sock").exists() {
             assert!(started.elapsed() < PATIENCE, "munged does not start");
@@ -71,11 +70,11 @@ impl Slurm {
     }
 
     pub fn start_controller(&self) {
-        *self.controller.lock().unwrap() = Some(Daemon::start(&self.dir, "slurmctld", &["-D".into()]));
+        *self.controller.lock().unwrap() = Some(daemon(&self.dir, "slurmctld", &["-D".into()]));
     }
 
     pub fn start_node(&self) {
-        *self.node.lock().unwrap() = Some(Daemon::start(&self.dir, "slurmd", &["-D".into()]));
+        *self.node.lock().unwrap() = Some(daemon(&self.dir, "slurmd", &["-D".into()]));
     }
 
     /// SIGKILL.
@@ -156,7 +155,7 @@ impl Drop for Slurm {
         let _ = self.try_ask("scancel", &["--me", "--signal=KILL"]);
         self.kill_node();
         self.kill_controller();
-        let _ = self.munged.0.kill();
+        drop(self.munged.take());
         if std::thread::panicking() {
             println!("what Slurm logged is in {}", self.dir.join("log").display());
         } else {
@@ -165,29 +164,12 @@ impl Drop for Slurm {
     }
 }
 
-impl Daemon {
-    fn start(dir: &Path, program: &str, arguments: &[String]) -> Self {
-        let log = fs::File::create(dir.join("log").join(format!("{program}.said"))).unwrap();
-        // The shell reads on until the process that holds the other end is gone.
-        let script = r#""$@" </dev/null & read -r _; kill -KILL $!; wait"#;
-        let child = Command::new("/bin/sh")
-            .args(["-c", script, "sh", &find(program)])
-            .args(arguments)
-            .env("SLURM_CONF", dir.join("slurm.conf"))
-            .stdin(Stdio::piped())
-            .stdout(log.try_clone().unwrap())
-            .stderr(log)
-            .spawn()
-            .unwrap();
-        Self(child)
-    }
-}
-
-impl Drop for Daemon {
-    fn drop(&mut self) {
-        drop(self.0.stdin.take());
-        let _ = self.0.wait();
-    }
+/// Starts one of Slurm's programs.
+fn daemon(dir: &Path, program: &str, arguments: &[String]) -> Daemon {
+    let log = fs::File::create(dir.join("log").join(format!("{program}.said"))).unwrap();
+    let mut command = Command::new(find(program));
+    command.args(arguments).env("SLURM_CONF", dir.join("slurm.conf"));
+    Daemon::start(&command, log)
 }
 
 /// Debian keeps daemons out of the search path of users.

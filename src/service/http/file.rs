@@ -2,11 +2,13 @@
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::Path;
 
-use axum::body::Body;
+use axum::body::{Body, Bytes};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use futures_util::stream::{self, Stream};
 use tokio::io::{AsyncReadExt, AsyncSeekExt};
 use tokio::task::spawn_blocking;
 use tokio_util::io::ReaderStream;
@@ -14,6 +16,7 @@ use tokio_util::io::ReaderStream;
 use super::conditional::Version;
 use super::problem::{Code, Problem, internal};
 use super::range::{Selection, select};
+use crate::store::Remote;
 use gridfall_recording::RecordingError;
 
 /// How much of a file is read at a time (bytes).
@@ -37,14 +40,48 @@ impl FileAnswer<'_> {
             file.metadata().map(|metadata| (file, metadata))
         });
         let Some((file, metadata)) = found(opened.await.map_err(internal)?)? else { return Ok(None) };
-        let length = metadata.len();
-        let version = Version::of_file(length, metadata.modified()?);
+        let parts = match self.select(
+            Version::of_file(metadata.len(), metadata.modified()?),
+            metadata.len(),
+            method,
+            request,
+        )? {
+            Selected::Answer(answer) => return Ok(Some(answer)),
+            Selected::Part(parts) => parts,
+        };
+        let n = parts.bytes();
+        let body = if method == Method::HEAD {
+            Body::empty()
+        } else if n <= READ_BYTES as u64 {
+            Body::from(read(file, parts.range.start, n).await?)
+        } else {
+            let mut file = tokio::fs::File::from_std(file);
+            file.seek(SeekFrom::Start(parts.range.start)).await?;
+            Body::from_stream(ReaderStream::with_capacity(file.take(n), READ_BYTES))
+        };
+        Ok(Some(self.answer(parts, body)))
+    }
+
+    /// The same of what is in the object storage.
+    pub fn send_from(&self, remote: Remote, method: &Method, request: &HeaderMap) -> Result<Response, Problem> {
+        let version = Version::of_file(remote.bytes, remote.modified);
+        let parts = match self.select(version, remote.bytes, method, request)? {
+            Selected::Answer(answer) => return Ok(answer),
+            Selected::Part(parts) => parts,
+        };
+        let body =
+            if method == Method::HEAD { Body::empty() } else { Body::from_stream(pieces(remote, parts.range.clone())) };
+        Ok(self.answer(parts, body))
+    }
+
+    /// What a request gets of a file of this version and length.
+    fn select(&self, version: Version, length: u64, method: &Method, request: &HeaderMap) -> Result<Selected, Problem> {
         if let Some(answer) = version.judge(method, request)? {
-            return Ok(Some(answer));
+            return Ok(Selected::Answer(answer));
         }
         // Ranges apply only to GET.
         let range = request.get(header::RANGE).filter(|_| version.has_range_of(request) && method == Method::GET);
-        let (status, part) = match select(range, length) {
+        let (status, range) = match select(range, length) {
             Selection::Whole => (StatusCode::OK, 0..length),
             Selection::Part(part) => (StatusCode::PARTIAL_CONTENT, part),
             Selection::Unsatisfiable => {
@@ -52,30 +89,60 @@ impl FileAnswer<'_> {
                 return Err(problem.with_header(header::CONTENT_RANGE, ascii(format!("bytes */{length}"))));
             }
         };
-        let n = part.end - part.start;
-        let body = if method == Method::HEAD {
-            Body::empty()
-        } else if n <= READ_BYTES as u64 {
-            Body::from(read(file, part.start, n).await?)
-        } else {
-            let mut file = tokio::fs::File::from_std(file);
-            file.seek(SeekFrom::Start(part.start)).await?;
-            Body::from_stream(ReaderStream::with_capacity(file.take(n), READ_BYTES))
-        };
-        let mut response = (status, body).into_response();
+        Ok(Selected::Part(Part { version, length, status, range }))
+    }
+
+    fn answer(&self, part: Part, body: Body) -> Response {
+        let mut response = (part.status, body).into_response();
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(self.content_type));
-        headers.insert(header::CONTENT_LENGTH, n.into());
+        headers.insert(header::CONTENT_LENGTH, part.bytes().into());
         headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
-        version.write(headers);
-        if status == StatusCode::PARTIAL_CONTENT {
-            headers.insert(header::CONTENT_RANGE, ascii(format!("bytes {}-{}/{length}", part.start, part.end - 1)));
+        part.version.write(headers);
+        if part.status == StatusCode::PARTIAL_CONTENT {
+            let Range { start, end } = part.range;
+            headers.insert(header::CONTENT_RANGE, ascii(format!("bytes {start}-{}/{}", end - 1, part.length)));
         }
         if let Some(name) = self.download {
             headers.insert(header::CONTENT_DISPOSITION, attachment(name));
         }
-        Ok(Some(response))
+        response
     }
+}
+
+/// What a request is answered with.
+enum Selected {
+    /// A whole answer without any of the file.
+    Answer(Response),
+    Part(Part),
+}
+
+struct Part {
+    version: Version,
+    length: u64,
+    status: StatusCode,
+    range: Range<u64>,
+}
+
+impl Part {
+    fn bytes(&self) -> u64 {
+        self.range.end - self.range.start
+    }
+}
+
+/// Bytes of what is in the object storage, as they are asked for.
+fn pieces(remote: Remote, range: Range<u64>) -> impl Stream<Item = io::Result<Bytes>> {
+    stream::try_unfold((remote, range), |(remote, mut range)| async move {
+        if range.is_empty() {
+            return Ok(None);
+        }
+        let piece = remote.read(range.clone()).await.map_err(io::Error::other)?;
+        if piece.is_empty() {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        range.start += piece.len() as u64;
+        Ok(Some((piece, (remote, range))))
+    })
 }
 
 /// A small part of a file.

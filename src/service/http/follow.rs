@@ -14,6 +14,7 @@ use tokio::sync::watch;
 use uuid::Uuid;
 
 use super::live::apart;
+use super::outputs::RECORDING;
 use super::problem::Problem;
 use super::state::Api;
 use super::watch::{Seen, View};
@@ -100,6 +101,7 @@ impl Follower {
     async fn look(&mut self, view: &View) -> io::Result<()> {
         let files = self.api.data.job(self.id).attempt(view.job.attempt);
         if view.job.status.is_terminal() {
+            self.api.data.fetch(self.id, view.job.attempt, &[RECORDING]).await.map_err(io::Error::other)?;
             self.open(files.recording(), view.job.attempt).await?;
             let (file, _) = self.source.as_ref().expect("it was opened");
             self.safe = file.metadata().await?.len();

@@ -17,7 +17,7 @@ use super::conditional::Version;
 use super::dto;
 use super::extract::{JobId, Query};
 use super::openapi::PROBLEM;
-use super::outputs::{find, missing};
+use super::outputs::{RECORDING, find, missing};
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
 use crate::store::{AttemptFiles, Status};
@@ -202,7 +202,7 @@ pub(super) struct Source {
 
 impl Source {
     pub async fn of(api: &Api, id: Uuid) -> Result<(Self, Status), Problem> {
-        let (files, job) = find(api, id).await?;
+        let (files, job) = find(api, id, &[RECORDING]).await?;
         let index = api.frames.of(id, job.attempt);
         Ok((Self { files, attempt: job.attempt, index }, job.status))
     }

@@ -10,7 +10,7 @@ use super::dto;
 use super::extract::JsonBody;
 use super::filters::JobFilter;
 use super::openapi::PROBLEM;
-use super::problem::{Problem, internal};
+use super::problem::Problem;
 use super::state::Api;
 
 /// Jobs that are deleted in one transaction.
@@ -53,8 +53,8 @@ pub async fn delete_jobs(
             return Ok(Json(Changed { jobs }));
         }
         jobs += deleted.len() as u64;
-        let data = api.data.clone();
-        let removed = move || deleted.into_iter().try_for_each(|id| data.job(id).remove());
-        tokio::task::spawn_blocking(removed).await.map_err(internal)??;
+        for id in deleted {
+            api.data.remove(id).await?;
+        }
     }
 }

@@ -238,8 +238,7 @@ pub async fn delete(State(api): State<Api>, JobId(id): JobId, headers: HeaderMap
     require(&api, id, &headers).await?;
     match api.store.delete(id).await? {
         Deletion::Deleted => {
-            let files = api.data.job(id);
-            tokio::task::spawn_blocking(move || files.remove()).await.map_err(internal)??;
+            api.data.remove(id).await?;
             Ok(StatusCode::NO_CONTENT)
         }
         Deletion::NotFound => Err(Problem::job_not_found(id)),

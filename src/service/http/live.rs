@@ -25,6 +25,7 @@ use super::dto;
 use super::extract::JobId;
 use super::guard::judge;
 use super::openapi::PROBLEM;
+use super::outputs::RECORDING;
 use super::problem::{Code, Problem};
 use super::state::Api;
 use super::viewer::{self, Level, Request};
@@ -257,6 +258,10 @@ impl Show {
         let source = match self.source.take() {
             Some((recording, open)) if open == attempt => recording,
             earlier => {
+                if self.complete {
+                    let fetched = self.api.data.fetch(self.id, attempt, &[RECORDING]).await;
+                    fetched.map_err(|_| End::Said("the object storage, where the recording is, does not answer"))?;
+                }
                 let files = self.api.data.job(self.id).attempt(attempt);
                 let path = if self.complete { files.recording() } else { files.partial_recording() };
                 self.source = earlier;

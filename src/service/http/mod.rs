@@ -31,6 +31,7 @@ mod jobs;
 mod laboratory;
 mod layers;
 mod library;
+mod links;
 mod live;
 mod load;
 mod materials;

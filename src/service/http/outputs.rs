@@ -21,8 +21,13 @@ use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
 use super::tables::{Diagnostics, DiagnosticsFormat, DiagnosticsPer, DiagnosticsQuery, Rows, SolverSteps, Summary};
-use crate::store::{AttemptFiles, Job, Status};
+use crate::store::{AttemptFiles, Job, Remote, Status};
 use gridfall_recording::{self as recording, RecordingError};
+
+/// Outputs as the object storage names them, too.
+pub(super) const RECORDING: &str = "recording.mcap";
+pub(super) const STATE: &str = "state.npz";
+const TABLES: [&str; 2] = ["diagnostics.csv", "solver.csv"];
 
 /// The recording (MCAP) of a job that has ended, by ranges if asked. Once there, it never changes,
 /// so a download may be resumed at any time. With `follow=true` it can be read while the job runs.
@@ -64,10 +69,14 @@ pub async fn recording(
             return follow(&api, id, &name).await;
         }
     }
-    let (files, Job { status, .. }) = find(&api, id).await?;
+    // Not brought here as a whole only to be sent on.
+    let (files, Job { status, attempt, .. }) = find(&api, id, &[]).await?;
     let file = FileAnswer { path: &files.recording(), content_type: "application/octet-stream", download: Some(&name) };
     if let Some(response) = file.send(&method, &headers).await? {
         return Ok(response);
+    }
+    if let Some(remote) = remote(&api, id, attempt, "recording.mcap").await? {
+        return file.send_from(remote, &method, &headers);
     }
     if status.is_terminal() {
         return Err(missing("recording", status));
@@ -96,7 +105,7 @@ pub async fn recording_so_far(
     JobId(id): JobId,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let (files, Job { status, .. }) = find(&api, id).await?;
+    let (files, Job { status, .. }) = find(&api, id, &[RECORDING]).await?;
     // Clients that resume take even a whole answer for a continuation.
     if headers.get(header::RANGE).is_some_and(|range| range != "bytes=0-") {
         let detail = "the recording so far is another file with every frame; download it anew, as a whole";
@@ -109,6 +118,12 @@ pub async fn recording_so_far(
     let Some(file) = found(File::open(files.recording()).await)? else { return Err(missing("recording", status)) };
     let length = file.metadata().await?.len();
     Ok(unresumable(Body::from_stream(ReaderStream::with_capacity(file, READ_BYTES)), length, &name))
+}
+
+/// An output that is in the object storage.
+async fn remote(api: &Api, id: Uuid, attempt: i64, name: &str) -> Result<Option<Remote>, Problem> {
+    let Some(objects) = api.data.objects() else { return Ok(None) };
+    Ok(objects.outputs(id, attempt).await?.into_iter().find(|output| output.name == name))
 }
 
 /// The frames so far as a complete recording; `None` before the first one is written.
@@ -159,7 +174,7 @@ pub async fn thumbnail(
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let (files, Job { status, .. }) = find(&api, id).await?;
+    let (files, Job { status, .. }) = find(&api, id, &["thumbnail.png"]).await?;
     let file = FileAnswer { path: &files.thumbnail(), content_type: "image/png", download: None };
     file.send(&method, &headers).await?.ok_or_else(|| missing("thumbnail", status))
 }
@@ -189,7 +204,7 @@ pub async fn state(
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let (files, job) = find(&api, id).await?;
+    let (files, job) = find(&api, id, &[STATE]).await?;
     let name = format!("gridfall-{id}.state.npz");
     let file = FileAnswer { path: &files.state(), content_type: "application/octet-stream", download: Some(&name) };
     file.send(&method, &headers).await?.ok_or_else(|| missing("state", job.status))
@@ -254,6 +269,7 @@ pub async fn solver_csv(State(api): State<Api>, JobId(id): JobId) -> Result<Resp
 
 /// What the diagnostics of a job come to so far, by column; empty where there are none yet.
 pub(super) async fn summaries(api: &Api, job: &Job) -> Result<BTreeMap<String, Summary>, Problem> {
+    api.data.fetch(job.id, job.attempt, &TABLES).await?;
     let path = api.data.job(job.id).attempt(job.attempt).diagnostics();
     let csv = found(tokio::fs::read_to_string(path).await)?.unwrap_or_default();
     Ok(Summary::of_columns(&csv[..csv.rfind('\n').map_or(0, |end| end + 1)]))
@@ -261,7 +277,7 @@ pub(super) async fn summaries(api: &Api, job: &Job) -> Result<BTreeMap<String, S
 
 /// The lines that a job has written so far.
 async fn table(api: &Api, id: Uuid, per: DiagnosticsPer) -> Result<String, Problem> {
-    let (files, Job { status, .. }) = find(api, id).await?;
+    let (files, Job { status, .. }) = find(api, id, &TABLES).await?;
     let path = match per {
         DiagnosticsPer::Frame => files.diagnostics(),
         DiagnosticsPer::Step => files.solver(),
@@ -290,12 +306,13 @@ fn rows(csv: &str) -> Vec<serde_json::Value> {
         .collect()
 }
 
-/// The files of a job that has started.
-pub(super) async fn find(api: &Api, id: Uuid) -> Result<(AttemptFiles, Job), Problem> {
+/// The files of a job that has started, those of these names among them if there are any.
+pub(super) async fn find(api: &Api, id: Uuid, names: &[&str]) -> Result<(AttemptFiles, Job), Problem> {
     let job = api.store.get(id).await?.ok_or_else(|| Problem::job_not_found(id))?;
     if job.status == Status::Queued {
         return Err(missing("output", job.status));
     }
+    api.data.fetch(id, job.attempt, names).await?;
     Ok((api.data.job(id).attempt(job.attempt), job))
 }
 

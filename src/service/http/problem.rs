@@ -7,7 +7,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::dto;
-use crate::store::{JobStore, StoreError};
+use crate::store::{JobStore, ObjectsError, StoreError};
 use gridfall_scene::Fault;
 
 /// Declares the codes once: name, status and title.
@@ -60,6 +60,7 @@ codes! {
     JobNotFinished CONFLICT "The job has not ended",
     JobEnded CONFLICT "The job has ended",
     WebhookDisabled CONFLICT "The webhook is told nothing more",
+    NoObjectStorage CONFLICT "The server keeps its files itself",
     PreconditionFailed PRECONDITION_FAILED "It is another version",
     BodyTooLarge PAYLOAD_TOO_LARGE "The body is too large",
     UnsupportedMediaType UNSUPPORTED_MEDIA_TYPE "The body is not declared as JSON",
@@ -79,6 +80,7 @@ codes! {
     Overloaded SERVICE_UNAVAILABLE "The server is too busy",
     NotReady SERVICE_UNAVAILABLE "The server is not ready",
     DatabaseAway SERVICE_UNAVAILABLE "The job database cannot be reached",
+    StorageAway SERVICE_UNAVAILABLE "The object storage cannot be reached",
     DiskLow INSUFFICIENT_STORAGE "The disk is nearly full",
 }
 
@@ -189,7 +191,24 @@ impl From<StoreError> for Problem {
             let detail = "the job database cannot be reached; nothing is lost: ask again";
             return Self::new(Code::DatabaseAway, detail).retry_after(5);
         }
-        internal(error)
+        match error {
+            StoreError::Objects(error) => error.into(),
+            error => internal(error),
+        }
+    }
+}
+
+impl From<ObjectsError> for Problem {
+    fn from(error: ObjectsError) -> Self {
+        match error {
+            ObjectsError::Failed(_) => {
+                tracing::error!(%error, "the object storage cannot be used");
+                let detail = "the object storage, where the outputs of jobs are, does not answer; nothing is lost: ask \
+                              again";
+                Self::new(Code::StorageAway, detail).retry_after(5)
+            }
+            error => internal(error),
+        }
     }
 }
 

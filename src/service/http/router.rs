@@ -13,8 +13,8 @@ use super::openapi::{self, Description};
 use super::state::Api;
 use super::{
     assets, audit, auth, colliders, cors, dashboard, devices, docs, encoding, events, exports, frames, groups, guard,
-    headers, health, index, jobs, laboratory, layers, library, live, load, materials, metrics, outputs, pictures,
-    scenes, session, surfaces, sweeps, usage, webhooks,
+    headers, health, index, jobs, laboratory, layers, library, links, live, load, materials, metrics, outputs,
+    pictures, scenes, session, surfaces, sweeps, usage, webhooks,
 };
 
 /// All routes of the API, and their OpenAPI document.
@@ -63,6 +63,8 @@ pub(super) fn routes() -> (Router<Api>, Document) {
         .routes(routes!(surfaces::surface))
         // /v1/jobs/{id}/frames/{frame}/picture.png
         .routes(routes!(pictures::picture))
+        // /v1/jobs/{id}/links
+        .routes(routes!(links::links))
         // /v1/jobs/{id}/live
         .routes(routes!(live::live))
         // /v1/scenes:validate

@@ -19,6 +19,7 @@ use super::extract::{AssetBody, AssetId, JsonBody, Room};
 use super::health::require_space;
 use super::holdings::{Holdings, hold};
 use super::openapi::PROBLEM;
+use super::outputs::STATE;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
 use super::submission::check_wishes;
@@ -119,6 +120,7 @@ async fn last_state(api: &Api, caller: &Caller, id: Uuid) -> Result<String, Prob
     let refused = |why: &str| Problem::new(Code::InvalidRequest, format!("/start_from: {why}"));
     let job = if api.may_see_job(caller, id).await? { api.store.get(id).await? } else { None };
     let job = job.ok_or_else(|| refused(&format!("there is no job {id}")))?;
+    api.data.fetch(id, job.attempt, &[STATE]).await?;
     let (state, assets) = (api.data.job(id).attempt(job.attempt).state(), api.data.assets());
     if job.status != Status::Succeeded || !state.exists() {
         return Err(refused(&format!(

@@ -16,7 +16,7 @@ use super::state::{Api, Config};
 use super::tls::{Certificate, Tls, TlsError};
 use crate::jobs::retention::{self, Keep};
 use crate::jobs::{Executor, Settings, Workers};
-use crate::store::{DataDir, JobStore, StoreError};
+use crate::store::{DataDir, JobStore, Objects, StoreError};
 
 /// How long open connections may continue after shutdown was requested. Downloads are then cut off.
 const DRAIN: Duration = Duration::from_secs(2);
@@ -32,6 +32,9 @@ pub struct Options {
     pub data_dir: PathBuf,
     /// URL of the job database; a file in the data directory by default.
     pub database: Option<String>,
+    /// The object storage for the files of jobs and uploads, and how much room large copies of these may take here
+    /// (bytes).
+    pub files: Option<(String, u64)>,
     /// Accept a `listen` address that other machines can reach, although there are no keys.
     pub insecure_no_auth: bool,
     /// Speak TLS, by this certificate.
@@ -68,7 +71,13 @@ impl ServeError {
         match self {
             Self::OpenToStrangers(_) | Self::Listen { .. } | Self::Tls(_) => true,
             Self::Store(error) => {
-                matches!(error, StoreError::Locked { .. } | StoreError::Url { .. } | StoreError::Unreachable { .. })
+                matches!(
+                    error,
+                    StoreError::Locked { .. }
+                        | StoreError::Url { .. }
+                        | StoreError::Unreachable { .. }
+                        | StoreError::Objects(_)
+                )
             }
             Self::Serve(_) => false,
         }
@@ -76,7 +85,7 @@ impl ServeError {
 }
 
 /// Does what is due without a request, for ever.
-async fn keep_house(store: JobStore, data: Arc<DataDir>, keep: Keep) {
+async fn keep_house(store: JobStore, data: Arc<DataDir>, keep: Keep, room: u64) {
     let owner = data.owner().unwrap_or_default();
     let mut rounds = (0..ROUNDS_BETWEEN_TIDYING).cycle();
     loop {
@@ -93,6 +102,10 @@ async fn keep_house(store: JobStore, data: Arc<DataDir>, keep: Keep) {
                 Err(error) => tracing::warn!(%error, "cannot remove jobs that are not to be kept any longer"),
             }
         }
+        let copies = data.clone();
+        if let Ok(Err(error)) = tokio::task::spawn_blocking(move || copies.make_room(room)).await {
+            tracing::warn!(%error, "cannot remove copies of what the object storage has");
+        }
         tokio::time::sleep(HOUSEKEEPING).await;
     }
 }
@@ -105,9 +118,14 @@ pub async fn serve(
     shutdown: impl Future<Output = ()> + Send + 'static,
 ) -> Result<(), ServeError> {
     let tls = options.certificate.map(Tls::open).transpose()?.map(Arc::new);
-    let Options { listen, data_dir, database, insecure_no_auth, keep, config, checkpoint_every, executor, .. } =
-        options;
-    let data = Arc::new(DataDir::open(&data_dir)?);
+    let Options {
+        listen, data_dir, database, files, insecure_no_auth, keep, config, checkpoint_every, executor, ..
+    } = options;
+    let mut data = DataDir::open(&data_dir)?;
+    if let Some((url, _)) = &files {
+        data = data.with_objects(Objects::open(url).await.map_err(StoreError::from)?);
+    }
+    let (data, room) = (Arc::new(data), files.map_or(u64::MAX, |(_, room)| room));
     let store = match &database {
         Some(url) => JobStore::connect(url).await?,
         None => JobStore::open(&data.database()).await?,
@@ -126,7 +144,7 @@ pub async fn serve(
     let address = listener.local_addr().map_err(ServeError::Serve)?;
     let settings = Settings { limits: config.limits, checkpoint_every, ..Settings::default() };
     let workers = Workers::start(store.clone(), data.clone(), settings, executor).await?;
-    let housekeeper = tokio::spawn(keep_house(store.clone(), data.clone(), keep));
+    let housekeeper = tokio::spawn(keep_house(store.clone(), data.clone(), keep, room));
     let follower = tls.clone().map(|tls| tokio::spawn(tls.follow()));
     let api = Api::new(store.clone(), data, workers.shared(), config);
     let deliverer = tokio::spawn(api.deliverer().run());

@@ -4,18 +4,21 @@ use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::watch::{Follower, Watch, heartbeat};
 use super::worker::Context;
 use super::{EngineSource, log, resume};
-use crate::store::{AttemptFiles, Claim, Failure, JobFiles, Outcome};
+use crate::store::{AttemptFiles, Claim, Failure, JobFiles, Objects, ObjectsError, Outcome};
 use gridfall_core::sim::notice::Notice;
 use gridfall_core::sim::setup::Problem;
 use gridfall_engine::{EngineError, StateError};
-use gridfall_recording::Appearance;
 use gridfall_recording::run::{Outputs, ResumeError, Run, RunError, Subject};
+use gridfall_recording::{self as recording, Appearance};
 use gridfall_scene::{self as scene, Fault};
+
+/// How long after the object storage failed it is tried again.
+const RETRY: Duration = Duration::from_secs(2);
 
 /// How an attempt ended.
 #[derive(Debug)]
@@ -53,10 +56,27 @@ pub(super) fn run(context: &Context, claim: &Claim, files: &JobFiles, source: &d
     let every = context.settings.heartbeat_every;
     let beating = context.runtime.spawn(heartbeat(context.store.clone(), claim.clone(), watch.clone(), every));
     let ran = catch_unwind(AssertUnwindSafe(|| execute(context, claim, files, source, &watch)));
+    let mut ending = ending(ran, &watch);
+    // Before the end is known, so that whoever then reads the log finds it there.
+    let holds = context.holds(claim);
+    let told = if holds { ending.describe() } else { "ended after the job was taken from it".into() };
+    log::note(files, &format!("attempt {}: {told}", claim.attempt));
+    if matches!(ending, Ending::Finished { .. }) {
+        keep_partial_recording(&files.attempt(claim.attempt));
+        // Under the lease: it may take long, and the job is this attempt's as long as it does.
+        if let Some(objects) = context.data.objects().filter(|_| holds) {
+            ending = publish(context, claim, files, objects, &watch, ending);
+        }
+    }
     watch.ended.notify_one();
     if let Err(error) = context.runtime.block_on(beating) {
         tracing::error!(job = %claim.id, %error, "the heartbeat ended early");
     }
+    ending
+}
+
+/// How it ended, by what the run came to.
+fn ending(ran: std::thread::Result<Result<(), Stop>>, watch: &Watch) -> Ending {
     match ran {
         Ok(Ok(())) => Outcome::Succeeded.into(),
         Ok(Err(Stop::Failed(failure))) => Outcome::Failed(failure).into(),
@@ -73,6 +93,57 @@ pub(super) fn run(context: &Context, claim: &Claim, files: &JobFiles, source: &d
             let failure = Failure::new("internal", format!("a fault in gridfall: {}", panic_message(panic.as_ref())));
             Ending::Finished { outcome: Outcome::Failed(failure), devices_suspect: true }
         }
+    }
+}
+
+/// Takes the outputs to the object storage, however often that must be tried. What has ended another way by then is
+/// returned.
+fn publish(
+    context: &Context,
+    claim: &Claim,
+    files: &JobFiles,
+    objects: &Objects,
+    watch: &Watch,
+    ending: Ending,
+) -> Ending {
+    let mut told = false;
+    loop {
+        let published = context.runtime.block_on(async {
+            objects.publish(files, claim.attempt).await?;
+            objects.forget_before(claim.id, claim.attempt).await
+        });
+        match published {
+            Ok(()) => return ending,
+            Err(error @ (ObjectsError::Taken(_) | ObjectsError::Io { .. })) => {
+                log::note(files, &format!("attempt {}: failed: {error}", claim.attempt));
+                return Outcome::Failed(Failure::new("output", error.to_string())).into();
+            }
+            Err(error) => {
+                tracing::warn!(job = %claim.id, %error, "cannot publish; it is tried again");
+                if !told {
+                    log::note(files, &format!("the outputs are kept here until this works: {error}"));
+                }
+                told = true;
+            }
+        }
+        // It ends at last as it does, with what is here, or begins again where its last checkpoint was.
+        if watch.canceled.load(Ordering::Relaxed) {
+            return Outcome::Canceled.into();
+        }
+        if context.shared.must_stop() {
+            return Ending::Stopped;
+        }
+        std::thread::sleep(RETRY);
+    }
+}
+
+/// Completes the recording of a canceled or failed attempt.
+pub(super) fn keep_partial_recording(files: &AttemptFiles) {
+    let partial = files.partial_recording();
+    if partial.exists()
+        && let Err(error) = recording::recover(&partial, &files.recording())
+    {
+        tracing::warn!(path = %partial.display(), %error, "cannot recover a partial recording");
     }
 }
 
@@ -117,6 +188,11 @@ fn execute(
     let scene = scene::parse(&claim.scene)?;
     let scene_json = scene.to_json();
     let outputs = outputs(&own);
+    if let Some(objects) = context.data.objects()
+        && let Err(error) = context.runtime.block_on(objects.fetch_checkpoints(files, claim.attempt))
+    {
+        log::note(files, &format!("earlier attempts on other machines cannot be looked at: {error}"));
+    }
     let mut earlier = resume::candidates(files, claim.attempt).into_iter();
     loop {
         let earlier = earlier.next();

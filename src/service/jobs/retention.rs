@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -35,22 +35,22 @@ pub async fn tidy(store: &JobStore, data: &Arc<DataDir>, keep: Keep) -> Result<u
             }
             for id in ended {
                 removed += 1;
-                remove(data, id)?;
+                data.remove(id).await?;
             }
         }
     }
     if let Some(most) = keep.bytes {
-        let root = data.jobs();
-        let walked = tokio::task::spawn_blocking(move || bytes(&root)).await;
-        let at = |error| StoreError::Io { path: data.jobs(), error };
-        let mut taken = walked.map_err(|error| at(io::Error::other(error)))?.map_err(at)?;
+        let mut taken = match data.objects() {
+            Some(objects) => objects.all_bytes().await?,
+            None => walked(data.jobs()).await?,
+        };
         while taken > most {
             let ended =
                 Filter { statuses: Status::ALL.into_iter().filter(|s| s.is_terminal()).collect(), ..Filter::default() };
             let Some(&id) = store.delete_all(&ended, 1).await?.first() else { break };
             removed += 1;
-            taken = taken.saturating_sub(bytes(&data.job(id).folder()).map_err(at)?);
-            remove(data, id)?;
+            taken = taken.saturating_sub(taken_by(data, id).await?);
+            data.remove(id).await?;
         }
     }
     Ok(removed)
@@ -59,17 +59,25 @@ pub async fn tidy(store: &JobStore, data: &Arc<DataDir>, keep: Keep) -> Result<u
 /// Notes how much room the outputs of ended jobs take, on the server of that name, for the quotas of their keys.
 pub async fn measure(store: &JobStore, data: &Arc<DataDir>, owner: &str) -> Result<(), StoreError> {
     for id in store.to_measure(owner, BATCH).await? {
-        let folder = data.job(id).folder();
-        let at = |error| StoreError::Io { path: data.job(id).folder(), error };
-        let taken = tokio::task::spawn_blocking(move || bytes(&folder)).await;
-        store.measured(id, taken.map_err(|error| at(io::Error::other(error)))?.map_err(at)?).await?;
+        store.measured(id, taken_by(data, id).await?).await?;
     }
     Ok(())
 }
 
-fn remove(data: &DataDir, id: uuid::Uuid) -> Result<(), StoreError> {
-    let files = data.job(id);
-    files.remove().map_err(|error| StoreError::Io { path: files.folder(), error })
+/// What the outputs of a job take (bytes).
+async fn taken_by(data: &Arc<DataDir>, id: uuid::Uuid) -> Result<u64, StoreError> {
+    match data.objects() {
+        Some(objects) => Ok(objects.bytes(id).await?),
+        None => walked(data.job(id).folder()).await,
+    }
+}
+
+/// The same of a folder.
+async fn walked(folder: PathBuf) -> Result<u64, StoreError> {
+    let at = |error| StoreError::Io { path: folder.clone(), error };
+    let own = folder.clone();
+    let walked = tokio::task::spawn_blocking(move || bytes(&own)).await;
+    walked.map_err(|error| at(io::Error::other(error)))?.map_err(at)
 }
 
 /// Size of everything in a folder; 0 if it is gone.

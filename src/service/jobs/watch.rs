@@ -9,10 +9,10 @@ use tokio::time::timeout;
 
 use super::worker::Context;
 use super::{Shared, log};
-use crate::store::{Claim, JobFiles, JobStore, Progress};
+use crate::store::{Claim, JobFiles, JobStore, Progress, Saver};
 use gridfall_core::sim::setup::Setup;
 use gridfall_engine::Control;
-use gridfall_recording::checkpoint::Reached;
+use gridfall_recording::checkpoint::{self, Checkpoint, Reached};
 use gridfall_recording::run::{FrameReport, Observer};
 
 /// Checkpoints take at most one part in so many of an attempt's time.
@@ -105,6 +105,8 @@ pub(super) struct Follower<'a> {
     /// How long after a checkpoint the next one is due.
     every: Duration,
     pace: Mutex<Pace>,
+    /// Takes checkpoints to where other machines find them.
+    saver: Option<Mutex<Saver>>,
 }
 
 /// When checkpoints are due.
@@ -122,7 +124,20 @@ impl<'a> Follower<'a> {
         // An attempt after a death that lost everything saves sooner: it may not live long either.
         let every = context.settings.checkpoint_every / 4u32.saturating_pow(claim.deaths.clamp(0, 8) as u32);
         let pace = Pace { last: Instant::now(), asked: None, cost: Duration::ZERO };
-        Self { context, claim, files, watch, every, pace: Mutex::new(pace) }
+        let saver = context.data.objects().map(|objects| Mutex::new(Saver::new(objects, files, claim.attempt)));
+        Self { context, claim, files, watch, every, pace: Mutex::new(pace), saver }
+    }
+
+    /// Takes the newest checkpoint to where other machines find it.
+    fn save(&self) -> Result<(), String> {
+        let Some(saver) = &self.saver else { return Ok(()) };
+        let dir = self.files.attempt(self.claim.attempt).checkpoints();
+        let newest = checkpoint::list(&dir).map_err(|error| error.to_string())?.into_iter().next();
+        let path = newest.ok_or_else(|| format!("there is none in {}", dir.display()))?;
+        let reached = Checkpoint::open(&path).map_err(|error| error.to_string())?.reached;
+        let mut saver = saver.lock().expect("no code panics while it holds this lock");
+        let saved = self.context.runtime.block_on(saver.save(&path, reached.lengths));
+        saved.map_err(|error| error.to_string())
     }
 
     fn pace(&self) -> std::sync::MutexGuard<'_, Pace> {
@@ -170,7 +185,16 @@ impl Observer for Follower<'_> {
     }
 
     fn checkpointed(&self, frame: u64) {
+        let saved = self.save();
         self.settle();
+        if let Err(reason) = saved {
+            // This machine can go on from it, and others from the one before.
+            tracing::warn!(job = %self.claim.id, reason, "a checkpoint is on this machine only");
+            return log::note(
+                self.files,
+                &format!("the checkpoint of frame {frame} is on this machine only: {reason}"),
+            );
+        }
         self.context.shared.counters.checkpointed();
         let Claim { id, attempt, .. } = *self.claim;
         match self.context.runtime.block_on(self.context.store.checkpointed(id, attempt, frame)) {
@@ -182,6 +206,11 @@ impl Observer for Follower<'_> {
         }
         if let Err(error) = self.files.forget_before(attempt) {
             tracing::warn!(job = %id, %error, "cannot remove what earlier attempts left");
+        }
+        if let Some(objects) = self.context.data.objects()
+            && let Err(error) = self.context.runtime.block_on(objects.forget_before(id, attempt))
+        {
+            tracing::warn!(job = %id, %error, "cannot remove what earlier attempts left in the object storage");
         }
     }
 

@@ -8,11 +8,10 @@ use std::time::{Duration, Instant};
 use tokio::runtime::Handle;
 use tokio::time::timeout;
 
-use super::attempt::{self, Ending};
+use super::attempt::{self, Ending, keep_partial_recording};
 use super::cluster::{Cluster, Dispatcher};
 use super::{DeviceState, EngineSource, OpenDevices, Shared, StatusLabel, log};
-use crate::store::{AttemptFiles, Claim, DataDir, JobFiles, JobStore, Outcome, Status, StoreError};
-use gridfall_recording as recording;
+use crate::store::{Claim, DataDir, JobFiles, JobStore, Outcome, Status, StoreError};
 use gridfall_scene::Limits;
 
 /// How long to wait before retrying a failed device or store.
@@ -127,10 +126,10 @@ async fn recover(store: &JobStore, data: &DataDir, owner: &str) -> Result<(), St
         let files = data.job(job.id);
         log::note(&files, &format!("the server died; the job is {}", job.status));
         if job.status.is_terminal() {
-            put_in_order(&files);
+            put_in_order(data, &files).await;
         }
     }
-    match data.sweep(&store.ids().await?) {
+    match data.sweep(&store.ids().await?).await {
         Ok(false) => {}
         Ok(true) => tracing::warn!(
             "the job database knows none of the jobs whose files are in the data directory; if it is the wrong one, \
@@ -142,11 +141,20 @@ async fn recover(store: &JobStore, data: &DataDir, owner: &str) -> Result<(), St
 }
 
 /// Does for a job that has ended without its last attempt what that had been to do.
-pub(super) fn put_in_order(files: &JobFiles) {
-    if let Some(&attempt) = files.attempts().unwrap_or_default().first() {
-        keep_partial_recording(&files.attempt(attempt));
-        tidy(files, attempt);
+pub(super) async fn put_in_order(data: &DataDir, files: &JobFiles) {
+    if let Some(objects) = data.objects()
+        && let Err(error) = objects.fetch_checkpoints(files, i64::MAX).await
+    {
+        tracing::warn!(job = %files.id(), %error, "cannot fetch what a job has left on other machines");
     }
+    let Some(&attempt) = files.attempts().unwrap_or_default().first() else { return };
+    keep_partial_recording(&files.attempt(attempt));
+    if let Some(objects) = data.objects()
+        && let Err(error) = objects.publish(files, attempt).await
+    {
+        tracing::warn!(job = %files.id(), %error, "cannot publish what a job has left");
+    }
+    tidy(files, attempt);
 }
 
 /// Removes what only a job that goes on needs.
@@ -155,16 +163,6 @@ fn tidy(files: &JobFiles, attempt: i64) {
     let removed = if checkpoints.exists() { std::fs::remove_dir_all(checkpoints) } else { Ok(()) };
     if let Err(error) = removed.and_then(|()| files.forget_before(attempt)) {
         tracing::warn!(job = %files.folder().display(), %error, "cannot remove what a job no longer needs");
-    }
-}
-
-/// Completes the recording of a canceled or failed attempt.
-fn keep_partial_recording(files: &AttemptFiles) {
-    let partial = files.partial_recording();
-    if partial.exists()
-        && let Err(error) = recording::recover(&partial, &files.recording())
-    {
-        tracing::warn!(path = %partial.display(), %error, "cannot recover a partial recording");
     }
 }
 
@@ -239,12 +237,6 @@ impl Context {
         self.count_wait(claim);
         let files = self.data.job(claim.id);
         let ending = attempt::run(self, claim, &files, source);
-        if matches!(&ending, Ending::Finished { .. }) {
-            keep_partial_recording(&files.attempt(claim.attempt));
-        }
-        // Before the end is known, so that whoever then reads the log finds it there.
-        let told = if self.holds(claim) { ending.describe() } else { "ended after the job was taken from it".into() };
-        log::note(&files, &format!("attempt {}: {told}", claim.attempt));
         let status = self.note(claim, &ending);
         tracing::info!(?ending, "ended");
         match status {
@@ -255,7 +247,7 @@ impl Context {
             self.shared.counters.finished.get_or_create(&StatusLabel { status }).inc();
             if matches!(ending, Ending::Stopped) {
                 // It was canceled while it was to stop.
-                keep_partial_recording(&files.attempt(claim.attempt));
+                self.runtime.block_on(put_in_order(&self.data, &files));
             }
             tidy(&files, claim.attempt);
         }
@@ -266,7 +258,7 @@ impl Context {
     }
 
     /// Whether the job is still this attempt's, as far as that can be known.
-    fn holds(&self, claim: &Claim) -> bool {
+    pub fn holds(&self, claim: &Claim) -> bool {
         match self.runtime.block_on(self.store.get(claim.id)) {
             Ok(job) => job.is_some_and(|job| job.status == Status::Running && job.attempt == claim.attempt),
             Err(_) => true,

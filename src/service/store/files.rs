@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use uuid::Uuid;
 
+use super::objects::{self, Objects, ObjectsError};
 use super::{AssetFiles, SceneFiles, StoreError};
 
 /// A data directory, owned by this process for as long as the value lives, or by the server whose worker it is.
@@ -16,6 +17,8 @@ pub struct DataDir {
     root: PathBuf,
     assets: AssetFiles,
     scenes: SceneFiles,
+    /// Where the files are for other machines, too.
+    objects: Option<Objects>,
     _lock: Option<File>,
 }
 
@@ -29,7 +32,7 @@ impl DataDir {
             Ok(()) => {
                 let assets = AssetFiles::open(root.join("assets")).map_err(at)?;
                 let scenes = SceneFiles::open(root.join("scenes")).map_err(at)?;
-                Ok(Self { root: root.to_owned(), assets, scenes, _lock: Some(lock) })
+                Ok(Self { root: root.to_owned(), assets, scenes, objects: None, _lock: Some(lock) })
             }
             Err(TryLockError::WouldBlock) => Err(StoreError::Locked { path: root.to_owned() }),
             Err(TryLockError::Error(error)) => Err(at(error)),
@@ -41,7 +44,23 @@ impl DataDir {
         let at = |error| StoreError::Io { path: root.to_owned(), error };
         fs::read_dir(root.join("jobs")).map_err(at)?;
         let (assets, scenes) = (AssetFiles::at(root.join("assets")), SceneFiles::at(root.join("scenes")));
-        Ok(Self { root: root.to_owned(), assets, scenes, _lock: None })
+        Ok(Self { root: root.to_owned(), assets, scenes, objects: None, _lock: None })
+    }
+
+    /// A folder of this machine, for workers whose server's files are in an object storage.
+    pub fn scratch(root: &Path, objects: Objects) -> Result<Self, StoreError> {
+        let folders = ["jobs", "assets", "scenes"].into_iter().try_for_each(|name| fs::create_dir_all(root.join(name)));
+        folders.map_err(|error| StoreError::Io { path: root.to_owned(), error })?;
+        Ok(Self::join(root)?.with_objects(objects))
+    }
+
+    /// The same, as a copy of what is in an object storage.
+    pub fn with_objects(self, objects: Objects) -> Self {
+        Self { assets: self.assets.with_objects(objects.clone()), objects: Some(objects), ..self }
+    }
+
+    pub fn objects(&self) -> Option<&Objects> {
+        self.objects.as_ref()
     }
 
     pub fn root(&self) -> &Path {
@@ -95,34 +114,76 @@ impl DataDir {
     }
 
     pub fn job(&self, id: Uuid) -> JobFiles {
-        JobFiles { dir: self.root.join("jobs").join(id.to_string()) }
+        JobFiles { id, dir: self.root.join("jobs").join(id.to_string()) }
     }
 
-    /// Removes the folders of jobs that no longer exist. If that would be all of several, none is removed: it is more
-    /// likely that the database is another one. Returns whether that is so.
-    pub fn sweep(&self, known: &HashSet<Uuid>) -> io::Result<bool> {
-        let mut folders = Vec::new();
-        for entry in fs::read_dir(self.root.join("jobs"))? {
-            let entry = entry?;
-            let id = entry.file_name().to_str().and_then(|name| Uuid::parse_str(name).ok());
-            folders.extend(id.map(|id| (id, entry.path())));
+    /// Brings the outputs of these names here that an attempt has left on other machines. See [`Objects::fetch`].
+    pub async fn fetch(&self, id: Uuid, attempt: i64, names: &[&str]) -> Result<(), ObjectsError> {
+        match &self.objects {
+            Some(objects) => objects.fetch(&self.job(id), attempt, names).await,
+            None => Ok(()),
         }
-        if folders.len() > 1 && !folders.iter().any(|(id, _)| known.contains(id)) {
+    }
+
+    /// Removes what a job has left. Where the object storage cannot be reached, the folder stays, and with it the next
+    /// [`Self::sweep`] removes the rest.
+    pub async fn remove(&self, id: Uuid) -> Result<(), StoreError> {
+        let files = self.job(id);
+        let at = |error| StoreError::Io { path: files.folder(), error };
+        if let Some(objects) = &self.objects
+            && let Err(error) = objects.remove(id).await
+        {
+            tracing::warn!(job = %id, %error, "cannot remove a job's objects; it is tried again at the next start");
+            return fs::create_dir_all(files.folder()).map_err(at);
+        }
+        let removed = {
+            let files = files.clone();
+            tokio::task::spawn_blocking(move || files.remove()).await
+        };
+        removed.map_err(io::Error::other).flatten().map_err(at)
+    }
+
+    /// Removes large files that the object storage has, too, until the others take no more than `most` bytes.
+    pub fn make_room(&self, most: u64) -> io::Result<usize> {
+        if self.objects.is_some() { objects::make_room(&self.jobs(), most) } else { Ok(0) }
+    }
+
+    /// Removes what is left of jobs that no longer exist. If that would be all of several, none is removed: it is more
+    /// likely that the database is another one. Returns whether that is so.
+    pub async fn sweep(&self, known: &HashSet<Uuid>) -> Result<bool, StoreError> {
+        let at = |error| StoreError::Io { path: self.jobs(), error };
+        let folders = self.folders().map_err(at)?;
+        if folders.len() > 1 && !folders.iter().any(|id| known.contains(id)) {
             return Ok(true);
         }
-        folders.retain(|(id, _)| !known.contains(id));
-        folders.into_iter().try_for_each(|(_, folder)| fs::remove_dir_all(folder))?;
+        for id in folders.into_iter().filter(|id| !known.contains(id)) {
+            self.remove(id).await?;
+        }
         Ok(false)
+    }
+
+    /// The jobs that have a folder.
+    fn folders(&self) -> io::Result<Vec<Uuid>> {
+        let mut found = Vec::new();
+        for entry in fs::read_dir(self.jobs())? {
+            found.extend(entry?.file_name().to_str().and_then(|name| Uuid::parse_str(name).ok()));
+        }
+        Ok(found)
     }
 }
 
 /// The files of one job: a folder for the outputs of each attempt, and a log.
 #[derive(Clone, Debug)]
 pub struct JobFiles {
+    id: Uuid,
     dir: PathBuf,
 }
 
 impl JobFiles {
+    pub fn id(&self) -> Uuid {
+        self.id
+    }
+
     /// The folder of all that the job leaves.
     pub fn folder(&self) -> PathBuf {
         self.dir.clone()
@@ -176,6 +237,10 @@ pub struct AttemptFiles {
 impl AttemptFiles {
     pub fn create(&self) -> io::Result<()> {
         fs::create_dir_all(&self.dir)
+    }
+
+    pub fn folder(&self) -> PathBuf {
+        self.dir.clone()
     }
 
     pub fn recording(&self) -> PathBuf {

@@ -1,4 +1,5 @@
-//! Jobs in SQLite or PostgreSQL, their outputs and the uploads in a directory.
+//! Jobs in SQLite or PostgreSQL, their outputs and the uploads in a directory, and in an object storage if there is
+//! one.
 //!
 //! A worker holds the job that it has claimed by a lease, which its heartbeats renew. Every write of
 //! an attempt names the attempt (its fencing token) and does nothing once the job has moved on. So
@@ -17,6 +18,7 @@ mod hashed;
 mod insertion;
 mod job;
 mod keys;
+mod objects;
 mod offers;
 mod requests;
 mod row;
@@ -38,6 +40,7 @@ pub use filter::Filter;
 pub use groups::Sweep;
 pub use job::{Failure, Job, NewJob, NewSweep, Owner, Progress, Status};
 pub use keys::{Key, MAX_KEY_NAME, NewKey, Quotas, Scope, Secret, Standing};
+pub use objects::{Objects, ObjectsError, Remote, Saver};
 pub use offers::{Candidate, Leftover, Offer, OfferEnd, Taken, owner};
 pub use scenes::SceneFiles;
 pub use usage::{USAGE_DAYS, Upload, Usage};
@@ -74,6 +77,8 @@ pub enum StoreError {
          password"
     )]
     Unreachable { place: String, reason: String },
+    #[error(transparent)]
+    Objects(#[from] ObjectsError),
     #[error("the job database failed: {0}")]
     Database(#[from] sqlx::Error),
     #[error("the job database cannot be brought up to date: {0}")]

@@ -23,24 +23,24 @@ fn a_data_directory_keeps_the_name_of_its_server() {
     assert!(!owner().is_empty(), "a crash came before the name was written");
 }
 
-#[test]
-fn folders_of_forgotten_jobs_are_swept() {
+#[tokio::test]
+async fn folders_of_forgotten_jobs_are_swept() {
     let dir = tempfile::tempdir().unwrap();
     let data = DataDir::open(dir.path()).unwrap();
     let (kept, forgotten) = (Uuid::now_v7(), Uuid::now_v7());
     data.job(kept).attempt(1).create().unwrap();
     data.job(forgotten).attempt(1).create().unwrap();
-    assert!(!data.sweep(&HashSet::from([kept])).unwrap());
+    assert!(!data.sweep(&HashSet::from([kept])).await.unwrap());
     assert!(data.job(kept).attempts().unwrap() == [1]);
     assert!(data.job(forgotten).attempts().unwrap().is_empty());
 }
 
-#[test]
-fn another_database_costs_no_files() {
+#[tokio::test]
+async fn another_database_costs_no_files() {
     let dir = tempfile::tempdir().unwrap();
     let data = DataDir::open(dir.path()).unwrap();
     let jobs = [Uuid::now_v7(), Uuid::now_v7()];
     jobs.iter().for_each(|&id| data.job(id).attempt(1).create().unwrap());
-    assert!(data.sweep(&HashSet::from([Uuid::now_v7()])).unwrap());
+    assert!(data.sweep(&HashSet::from([Uuid::now_v7()])).await.unwrap());
     assert!(jobs.iter().all(|&id| data.job(id).attempts().unwrap() == [1]));
 }

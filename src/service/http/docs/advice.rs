@@ -115,6 +115,13 @@ pub fn of(code: Code) -> &'static str {
             "The database that keeps the jobs does not answer. Jobs that run go on. Try again after `Retry-After` \
              seconds; send a submission again under the same `Idempotency-Key`."
         }
+        Code::StorageAway => {
+            "The object storage, where the outputs of jobs are, does not answer. Jobs that run go on, and publish \
+             their outputs when it is back. Try again after `Retry-After` seconds."
+        }
+        Code::NoObjectStorage => {
+            "There are links only to an object storage (`gridfall serve --files`). Download from this server."
+        }
         Code::NotReady => "`checks` says which part cannot work and why. Wait, or see to that part.",
     }
 }

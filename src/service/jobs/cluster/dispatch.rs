@@ -111,7 +111,7 @@ impl Dispatcher {
             for job in self.store.expire(|id| log::tail(&self.data.job(id))).await? {
                 let files = self.data.job(job.id);
                 log::note(&files, &format!("nothing was heard of its process for too long; the job is {}", job.status));
-                self.ended(job.id, job.status);
+                self.ended(job.id, job.status).await;
             }
         }
         let offers = self.store.offers().await?;
@@ -159,10 +159,10 @@ impl Dispatcher {
     }
 
     /// Does what is to be done if that is a job's last state.
-    fn ended(&mut self, job: Uuid, status: Status) {
+    async fn ended(&mut self, job: Uuid, status: Status) {
         if status.is_terminal() {
             self.shared.counters.finished.get_or_create(&StatusLabel { status }).inc();
-            put_in_order(&self.data.job(job));
+            put_in_order(&self.data, &self.data.job(job)).await;
             self.told.remove(&job);
             self.paused.remove(&job);
         }
@@ -192,7 +192,7 @@ impl Dispatcher {
                 let rounds = ROUNDS_AFTER_DEATH.saturating_pow(deaths.clamp(1, 8) as u32);
                 self.paused.insert(offer.id, Instant::now() + self.every * rounds);
             }
-            self.ended(offer.id, status);
+            self.ended(offer.id, status).await;
         }
         if !matches!(end, OfferEnd::Died(_)) {
             // Nobody will want to read it.

@@ -50,8 +50,10 @@ const IN_THE_WAY: [&str; 6] = ["SBATCH_EXPORT", "SBATCH_WAIT", "SBATCH_REQUEUE",
 pub struct SlurmOptions {
     /// The program that runs an attempt, the same on all nodes.
     pub program: PathBuf,
-    /// The data directory, the same on all nodes.
-    pub data_dir: PathBuf,
+    /// The data directory, the same on all nodes; with `files`, a folder that each node has for itself.
+    pub folder: PathBuf,
+    /// URL of the object storage, if that is where the files are. Processes get it by the environment.
+    pub files: Option<String>,
     /// URL of the job database. Processes get it by the environment.
     pub database: String,
     /// Arguments of the program, besides those that say what to run.
@@ -103,14 +105,8 @@ impl Slurm {
         let ids: Vec<String> = batch.jobs.iter().map(|job| job.id.to_string()).collect();
         let mut program = vec![self.options.program.to_string_lossy().into_owned(), "worker".into()];
         program.extend(self.options.arguments.iter().cloned());
-        let data_dir = self.options.data_dir.to_string_lossy().into_owned();
-        program.extend([
-            "--quiet".into(),
-            "--data-dir".into(),
-            data_dir,
-            "--attempt".into(),
-            batch.attempt.to_string(),
-        ]);
+        let folder = self.options.folder.to_string_lossy().into_owned();
+        program.extend(["--quiet".into(), "--data-dir".into(), folder, "--attempt".into(), batch.attempt.to_string()]);
         let program = shlex::try_join(program.iter().map(String::as_str)).expect("no argument has a zero byte");
         // Where processes are not confined to what their job was given, they keep to it all the same.
         format!(
@@ -135,7 +131,7 @@ impl Slurm {
             "--requeue".into(),
             format!("--job-name=gridfall {}", printable(&batch.name)),
             format!("--comment={}", batch.comment),
-            format!("--chdir={}", self.options.data_dir.display()),
+            format!("--chdir={}", self.options.folder.display()),
             format!("--output={output}"),
             "--export=ALL".into(),
             format!("--signal=B:TERM@{WARNING_S}"),
@@ -164,6 +160,7 @@ impl Cluster for Slurm {
         Box::pin(async move {
             let mut sbatch = Command::new("sbatch");
             sbatch.args(self.sbatch(batch)).env("GRIDFALL_DATABASE", &self.options.database);
+            sbatch.envs(self.options.files.iter().map(|files| ("GRIDFALL_FILES", files)));
             let said = run(sbatch, Some(self.script(batch))).await?;
             let job = said.trim().split(';').next().unwrap_or_default();
             if job.is_empty() || !job.bytes().all(|byte| byte.is_ascii_digit()) {
@@ -210,9 +207,9 @@ impl Cluster for Slurm {
     }
 }
 
-/// The folder of what processes write.
+/// The folder of what processes write. On nodes that share none it is one that they have.
 fn outputs(options: &SlurmOptions) -> PathBuf {
-    options.data_dir.join("cluster")
+    if options.files.is_some() { options.folder.clone() } else { options.folder.join("cluster") }
 }
 
 /// The time of an attempt.

@@ -7,7 +7,8 @@ use uuid::Uuid;
 fn slurm(sbatch: &[&str]) -> Slurm {
     let options = SlurmOptions {
         program: "/opt/grid fall/bin/gridfall".into(),
-        data_dir: "/shared/it's".into(),
+        folder: "/shared/it's".into(),
+        files: None,
         database: "postgres://db/jobs".into(),
         arguments: vec!["--backend".into(), "gpu".into()],
         sbatch: sbatch.iter().map(|&option| option.into()).collect(),

@@ -1,0 +1,78 @@
+//! Nodes that share nothing with the server but the database and an object storage.
+
+use std::fs;
+use std::path::Path;
+use std::process::Stdio;
+
+use serde_json::{Value, json};
+
+use super::s3::S3;
+use super::support::Server;
+use super::work::{compare, outputs, scenes};
+use super::{postgres, slurm, slurm_jobs, undisturbed};
+
+/// The folders of jobs in a folder.
+fn folders(scratch: &Path) -> usize {
+    fs::read_dir(scratch.join("jobs")).map_or(0, Iterator::count)
+}
+
+#[test]
+fn nodes_need_no_shared_directory() {
+    let (slurm, s3, dir) = (slurm::shared(), S3::start(), tempfile::tempdir().unwrap());
+    let (scratch, database) = (dir.path().join("scratch"), postgres::shared().database());
+    fs::create_dir(&scratch).unwrap();
+    let expected = undisturbed(&dir.path().join("undisturbed"));
+    let serve = |name: &str| {
+        let mut command = slurm.command(env!("CARGO_BIN_EXE_gridfall"));
+        command.envs(s3.environment()).env("GRIDFALL_LOG", "warn").env("GRIDFALL_CLUSTER_SCRATCH", &scratch);
+        let url = s3.url("slurm");
+        let arguments = ["--executor", "slurm", "--database", &database, "--files", &url, "--cluster-seconds", "0.3"];
+        let arguments = [&arguments[..], &["--checkpoint-seconds", "0.2"]].concat();
+        Server::launch(command, &dir.path().join(name), &arguments, Stdio::inherit())
+    };
+    let server = serve("server");
+    let jobs: Vec<String> = scenes().into_iter().map(|scene| server.submit(scene)).collect();
+    for (job, expected) in jobs.iter().zip(&expected) {
+        server.wait_for(job, "succeeded");
+        compare(&server, job, expected);
+        let log = String::from_utf8(server.get(&format!("{job}/log")).body).unwrap();
+        assert!(log.contains("was handed to Slurm") && log.contains("attempt 1 runs from the start"), "{log}");
+    }
+    // What is lost with its node goes on from where the storage has it.
+    let calm = server.submit(slurm_jobs::long());
+    server.wait_for(&calm, "succeeded");
+    let expected = outputs(&server, &calm);
+    let job = server.submit(slurm_jobs::long());
+    let with_checkpoint = |server: &Server, job: &str| {
+        let folder = format!("slurm/jobs/{}", job.rsplit('/').next().unwrap());
+        let saved = || s3.objects(&folder).iter().any(|(path, _)| path.ends_with("progress.json"));
+        server.wait_until(job, "a checkpoint", |_| saved())
+    };
+    with_checkpoint(&server, &job);
+    // Its frames are seen while it runs, and after the server has lost its folder.
+    server.wait_until(&format!("{job}/frames"), "frames", |list| list["frames"].as_u64() > Some(0));
+    assert!(slurm_jobs::signal(&job, "-KILL"), "it runs");
+    fs::remove_dir_all(scratch.join("jobs")).unwrap();
+    server.kill();
+    let server = serve("another");
+    let ended = server.wait_for(&job, "succeeded");
+    assert_eq!(ended["attempt"], 2);
+    compare(&server, &job, &expected);
+    let log = String::from_utf8(server.get(&format!("{job}/log")).body).unwrap();
+    assert!(log.contains("attempt 2 runs after frame"), "{log}");
+    // A canceled job leaves what it came to.
+    let job = server.submit(endless());
+    with_checkpoint(&server, &job);
+    server.wait_until(&format!("{job}/frames"), "frames", |list| list["frames"].as_u64() > Some(5));
+    assert_eq!(server.post_json(&format!("{job}/cancel"), &json!({})).status, 202);
+    server.wait_for(&job, "canceled");
+    assert!(server.get(&format!("{job}/recording.mcap")).body.len() > 1000);
+    server.wait_until(&job, "the end of the nodes' copies", |_| folders(&scratch) == 0);
+    assert_eq!(s3.check_published("slurm"), jobs.len() + 3);
+}
+
+fn endless() -> Value {
+    let mut scene = slurm_jobs::long();
+    scene["time"]["end"] = 400.0.into();
+    scene
+}
