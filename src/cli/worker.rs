@@ -68,6 +68,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
             None => DataDir::join(&arguments.data_dir),
         };
         let data = data.map_err(|error| failed(&error))?;
+        let folder = data.root().to_owned();
         let away = |error: &StoreError| matches!(error, StoreError::Unreachable { .. } | StoreError::Database(_));
         let store = patiently(|| JobStore::connect_sparingly(&arguments.database), away);
         let store = store.await.map_err(|error| failed(&error))?;
@@ -85,7 +86,13 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
             attempt: arguments.attempt,
             cluster_job: arguments.cluster_job,
         };
-        work_off(order, stop).await.map(Some).or_else(|error| match error {
+        let ended = work_off(order, stop).await;
+        if arguments.files.is_some()
+            && let Err(error) = std::fs::remove_dir_all(&folder)
+        {
+            tracing::warn!(%error, folder = %folder.display(), "cannot remove the files of an attempt");
+        }
+        ended.map(Some).or_else(|error| match error {
             // Another process has it, or nobody wants it any more.
             ProcessError::NotNeeded(_) => {
                 tracing::warn!("{error}");

@@ -1,7 +1,7 @@
 //! Nodes that share nothing with the server but the database and an object storage.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 use serde_json::{Value, json};
@@ -11,9 +11,10 @@ use super::support::Server;
 use super::work::{compare, outputs, scenes};
 use super::{postgres, slurm, slurm_jobs, undisturbed};
 
-/// The folders of jobs in a folder.
-fn folders(scratch: &Path) -> usize {
-    fs::read_dir(scratch.join("jobs")).map_or(0, Iterator::count)
+/// The folders of processes in a node's folder.
+fn folders(scratch: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(scratch).unwrap().map(|entry| entry.unwrap().path());
+    entries.filter(|path| path.is_dir()).collect()
 }
 
 #[test]
@@ -52,7 +53,8 @@ fn nodes_need_no_shared_directory() {
     // Its frames are seen while it runs, and after the server has lost its folder.
     server.wait_until(&format!("{job}/frames"), "frames", |list| list["frames"].as_u64() > Some(0));
     assert!(slurm_jobs::signal(&job, "-KILL"), "it runs");
-    fs::remove_dir_all(scratch.join("jobs")).unwrap();
+    assert_eq!(folders(&scratch).len(), 1);
+    folders(&scratch).iter().for_each(|folder| fs::remove_dir_all(folder).unwrap());
     server.kill();
     let server = serve("another");
     let ended = server.wait_for(&job, "succeeded");
@@ -67,7 +69,7 @@ fn nodes_need_no_shared_directory() {
     assert_eq!(server.post_json(&format!("{job}/cancel"), &json!({})).status, 202);
     server.wait_for(&job, "canceled");
     assert!(server.get(&format!("{job}/recording.mcap")).body.len() > 1000);
-    server.wait_until(&job, "the end of the nodes' copies", |_| folders(&scratch) == 0);
+    server.wait_until(&job, "the end of the nodes' copies", |_| folders(&scratch).is_empty());
     assert_eq!(s3.check_published("slurm"), jobs.len() + 3);
 }
 

@@ -5,6 +5,7 @@ use std::net::TcpListener;
 use std::process::{Command, Output};
 
 use super::s3::S3;
+use super::serve;
 
 /// A server that ends at once, and what it says.
 fn refused(url: &str, environment: &[(&str, String)]) -> (Option<i32>, String) {
@@ -40,6 +41,16 @@ fn addresses_and_credentials_that_are_none() {
         assert!(said.contains("--files: ") && said.contains(wanted), "{url}: {said}");
         assert!(!said.contains("secret"), "{said}");
     }
+}
+
+#[test]
+fn a_prefix_is_of_one_database() {
+    let (s3, dir) = (S3::start(), tempfile::tempdir().unwrap());
+    assert!(serve(&s3, "one", &dir.path().join("data"), &[]).terminate().success());
+    assert!(serve(&s3, "one", &dir.path().join("data"), &[]).terminate().success());
+    let (code, said) = refused(&s3.url("one"), &s3.environment());
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("has the files of another job database"), "{said}");
 }
 
 /// It answers to all that it has been done.

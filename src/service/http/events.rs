@@ -134,7 +134,10 @@ impl Watch {
     params(("id" = uuid::Uuid, Path)),
     responses((status = 200, content_type = "text/plain", body = String)))]
 pub async fn log(State(api): State<Api>, JobId(id): JobId) -> Result<Response, Problem> {
-    api.store.get(id).await?.ok_or_else(|| Problem::job_not_found(id))?;
+    let job = api.store.get(id).await?.ok_or_else(|| Problem::job_not_found(id))?;
+    if job.attempt > 0 {
+        api.data.fetch(&job, &[]).await?;
+    }
     let text = match tokio::fs::read(api.data.job(id).log()).await {
         Ok(text) => text,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),

@@ -100,8 +100,8 @@ impl Follower {
     /// Finds out how much of the recording there is.
     async fn look(&mut self, view: &View) -> io::Result<()> {
         let files = self.api.data.job(self.id).attempt(view.job.attempt);
+        self.api.data.fetch(&view.job, &[RECORDING]).await.map_err(io::Error::other)?;
         if view.job.status.is_terminal() {
-            self.api.data.fetch(self.id, view.job.attempt, &[RECORDING]).await.map_err(io::Error::other)?;
             self.open(files.recording(), view.job.attempt).await?;
             let (file, _) = self.source.as_ref().expect("it was opened");
             self.safe = file.metadata().await?.len();

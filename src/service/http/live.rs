@@ -255,13 +255,11 @@ impl Show {
         let Some(view) = seen else { return Err(End::Said("the job was deleted")) };
         self.complete = view.job.status.is_terminal();
         let attempt = view.job.attempt;
+        let fetched = self.api.data.fetch(&view.job, &[RECORDING]).await;
+        fetched.map_err(|_| End::Said("the object storage, where the recording is, does not answer"))?;
         let source = match self.source.take() {
             Some((recording, open)) if open == attempt => recording,
             earlier => {
-                if self.complete {
-                    let fetched = self.api.data.fetch(self.id, attempt, &[RECORDING]).await;
-                    fetched.map_err(|_| End::Said("the object storage, where the recording is, does not answer"))?;
-                }
                 let files = self.api.data.job(self.id).attempt(attempt);
                 let path = if self.complete { files.recording() } else { files.partial_recording() };
                 self.source = earlier;

@@ -21,6 +21,7 @@ use super::openapi::PROBLEM;
 use super::problem::{Code, Problem, internal};
 use super::state::Api;
 use super::tables::{Diagnostics, DiagnosticsFormat, DiagnosticsPer, DiagnosticsQuery, Rows, SolverSteps, Summary};
+use crate::jobs;
 use crate::store::{AttemptFiles, Job, Remote, Status};
 use gridfall_recording::{self as recording, RecordingError};
 
@@ -269,7 +270,7 @@ pub async fn solver_csv(State(api): State<Api>, JobId(id): JobId) -> Result<Resp
 
 /// What the diagnostics of a job come to so far, by column; empty where there are none yet.
 pub(super) async fn summaries(api: &Api, job: &Job) -> Result<BTreeMap<String, Summary>, Problem> {
-    api.data.fetch(job.id, job.attempt, &TABLES).await?;
+    api.data.fetch(job, &TABLES).await?;
     let path = api.data.job(job.id).attempt(job.attempt).diagnostics();
     let csv = found(tokio::fs::read_to_string(path).await)?.unwrap_or_default();
     Ok(Summary::of_columns(&csv[..csv.rfind('\n').map_or(0, |end| end + 1)]))
@@ -312,8 +313,13 @@ pub(super) async fn find(api: &Api, id: Uuid, names: &[&str]) -> Result<(Attempt
     if job.status == Status::Queued {
         return Err(missing("output", job.status));
     }
-    api.data.fetch(id, job.attempt, names).await?;
-    Ok((api.data.job(id).attempt(job.attempt), job))
+    api.data.fetch(&job, names).await?;
+    let files = api.data.job(id).attempt(job.attempt);
+    // What its last attempt has left on another machine without an end.
+    if job.status.is_terminal() && api.data.objects().is_some() && files.partial_recording().exists() {
+        jobs::complete(&api.data, &job).await?;
+    }
+    Ok((files, job))
 }
 
 pub(super) fn missing(what: &str, status: Status) -> Problem {

@@ -203,8 +203,8 @@ impl From<ObjectsError> for Problem {
         match error {
             ObjectsError::Failed(_) => {
                 tracing::error!(%error, "the object storage cannot be used");
-                let detail = "the object storage, where the outputs of jobs are, does not answer; nothing is lost: ask \
-                              again";
+                let detail = "the object storage, where the outputs of jobs are, does not answer, or refuses; \
+                              nothing is lost: ask again, and look at the server's log";
                 Self::new(Code::StorageAway, detail).retry_after(5)
             }
             error => internal(error),

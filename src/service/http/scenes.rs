@@ -120,7 +120,7 @@ async fn last_state(api: &Api, caller: &Caller, id: Uuid) -> Result<String, Prob
     let refused = |why: &str| Problem::new(Code::InvalidRequest, format!("/start_from: {why}"));
     let job = if api.may_see_job(caller, id).await? { api.store.get(id).await? } else { None };
     let job = job.ok_or_else(|| refused(&format!("there is no job {id}")))?;
-    api.data.fetch(id, job.attempt, &[STATE]).await?;
+    api.data.fetch(&job, &[STATE]).await?;
     let (state, assets) = (api.data.job(id).attempt(job.attempt).state(), api.data.assets());
     if job.status != Status::Succeeded || !state.exists() {
         return Err(refused(&format!(

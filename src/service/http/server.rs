@@ -122,14 +122,22 @@ pub async fn serve(
         listen, data_dir, database, files, insecure_no_auth, keep, config, checkpoint_every, executor, ..
     } = options;
     let mut data = DataDir::open(&data_dir)?;
-    if let Some((url, _)) = &files {
-        data = data.with_objects(Objects::open(url).await.map_err(StoreError::from)?);
-    }
-    let (data, room) = (Arc::new(data), files.map_or(u64::MAX, |(_, room)| room));
     let store = match &database {
         Some(url) => JobStore::connect(url).await?,
         None => JobStore::open(&data.database()).await?,
     };
+    if let Some((url, _)) = &files {
+        let objects = Objects::open(url).await.map_err(StoreError::from)?;
+        objects.belong_to(&store.identity().await?).await.map_err(StoreError::from)?;
+        data = data.with_objects(objects);
+        let assets = data.assets();
+        tokio::task::spawn_blocking(move || {
+            if let Err(error) = assets.share_all() {
+                tracing::warn!(%error, "cannot take all uploads to the object storage; the next start tries again");
+            }
+        });
+    }
+    let (data, room) = (Arc::new(data), files.map_or(u64::MAX, |(_, room)| room));
     let asks = config.require_keys || store.has_keys().await?;
     if !listen.ip().is_loopback() && !asks {
         if !insecure_no_auth {

@@ -11,7 +11,7 @@ use super::dto;
 use super::jobs::version;
 use super::problem::{Problem, internal};
 use super::state::Api;
-use crate::store::{Job, Status};
+use crate::store::Job;
 
 /// How often a watched job is looked at. Its worker writes progress about as often.
 const INTERVAL: Duration = Duration::from_millis(200);
@@ -60,12 +60,13 @@ impl Api {
 
 async fn look(api: &Api, id: Uuid) -> Result<Option<View>, Problem> {
     let Some(job) = api.store.get(id).await? else { return Ok(None) };
-    // Those who watch read the files of a job as they grow.
-    if job.status == Status::Running
-        && let Err(error) = api.data.fetch(id, job.attempt, &[]).await
-    {
-        tracing::warn!(job = %id, %error, "cannot fetch what a job has come to on another machine");
-    }
+    // Those who watch are told of the log. They do not wait for it.
+    let (data, watched) = (api.data.clone(), job.clone());
+    tokio::spawn(async move {
+        if let Err(error) = data.fetch(&watched, &[]).await {
+            tracing::warn!(job = %id, %error, "cannot fetch what a job has come to on another machine");
+        }
+    });
     let log_bytes = tokio::fs::metadata(api.data.job(id).log()).await.map_or(0, |metadata| metadata.len());
     let body = serde_json::to_vec(&dto::Job::from(job.clone())).map_err(internal)?;
     let tag = version(&body).tag().to_owned();

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use super::watch::{Follower, Watch, heartbeat};
 use super::worker::Context;
 use super::{EngineSource, log, resume};
-use crate::store::{AttemptFiles, Claim, Failure, JobFiles, Objects, ObjectsError, Outcome};
+use crate::store::{AttemptFiles, Claim, Failure, JobFiles, Objects, ObjectsError, Outcome, Publisher};
 use gridfall_core::sim::notice::Notice;
 use gridfall_core::sim::setup::Problem;
 use gridfall_engine::{EngineError, StateError};
@@ -96,6 +96,30 @@ fn ending(ran: std::thread::Result<Result<(), Stop>>, watch: &Watch) -> Ending {
     }
 }
 
+/// Brings here what may be gone on from, however often that must be tried: without it, the work would begin anew.
+fn fetch_checkpoints(
+    context: &Context,
+    claim: &Claim,
+    files: &JobFiles,
+    objects: &Objects,
+    watch: &Watch,
+) -> Result<(), Stop> {
+    let mut told = false;
+    while claim.attempt > 1 {
+        let Err(error) = context.runtime.block_on(objects.fetch_checkpoints(files, claim.attempt)) else { break };
+        tracing::warn!(job = %claim.id, %error, "cannot fetch checkpoints; it is tried again");
+        if !told {
+            log::note(files, &format!("waits for what earlier attempts have left: {}", error.brief()));
+        }
+        told = true;
+        if watch.canceled.load(Ordering::Relaxed) || context.shared.must_stop() {
+            return Err(EngineError::Canceled.into());
+        }
+        std::thread::sleep(RETRY);
+    }
+    Ok(())
+}
+
 /// Takes the outputs to the object storage, however often that must be tried. What has ended another way by then is
 /// returned.
 fn publish(
@@ -107,21 +131,18 @@ fn publish(
     ending: Ending,
 ) -> Ending {
     let mut told = false;
+    let mut publisher = Publisher::new(objects, files, claim.attempt);
     loop {
-        let published = context.runtime.block_on(async {
-            objects.publish(files, claim.attempt).await?;
-            objects.forget_before(claim.id, claim.attempt).await
-        });
-        match published {
+        match context.runtime.block_on(publisher.publish()) {
             Ok(()) => return ending,
             Err(error @ (ObjectsError::Taken(_) | ObjectsError::Io { .. })) => {
-                log::note(files, &format!("attempt {}: failed: {error}", claim.attempt));
-                return Outcome::Failed(Failure::new("output", error.to_string())).into();
+                log::note(files, &format!("attempt {}: failed: {}", claim.attempt, error.brief()));
+                return Outcome::Failed(Failure::new("output", error.brief())).into();
             }
             Err(error) => {
                 tracing::warn!(job = %claim.id, %error, "cannot publish; it is tried again");
                 if !told {
-                    log::note(files, &format!("the outputs are kept here until this works: {error}"));
+                    log::note(files, &format!("the outputs are kept here for now: {}", error.brief()));
                 }
                 told = true;
             }
@@ -188,10 +209,8 @@ fn execute(
     let scene = scene::parse(&claim.scene)?;
     let scene_json = scene.to_json();
     let outputs = outputs(&own);
-    if let Some(objects) = context.data.objects()
-        && let Err(error) = context.runtime.block_on(objects.fetch_checkpoints(files, claim.attempt))
-    {
-        log::note(files, &format!("earlier attempts on other machines cannot be looked at: {error}"));
+    if let Some(objects) = context.data.objects() {
+        fetch_checkpoints(context, claim, files, objects, watch)?;
     }
     let mut earlier = resume::candidates(files, claim.attempt).into_iter();
     loop {

@@ -20,7 +20,7 @@ use tokio::sync::Notify;
 pub use attempt::panic_message;
 pub use counters::{Counters, StatusLabel};
 pub use process::{Order, ProcessError, work_off};
-pub use worker::{Executor, Settings, Workers};
+pub use worker::{Executor, Settings, Workers, complete};
 
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::setup::Setup;

@@ -55,8 +55,6 @@ pub async fn work_off(order: Order, stop: impl Future<Output = ()> + Send + 'sta
     });
     let owner = owner(&cluster_job);
     let take = (store.clone(), shared.clone());
-    let files = data.job(job);
-    let copied = data.objects().is_some();
     let context = Context { store, data, owner, settings, shared, runtime: Handle::current() };
     let runtime = Handle::current();
     // Devices are used on the thread that opens them. They come first: where there is none, no attempt is lost.
@@ -65,10 +63,6 @@ pub async fn work_off(order: Order, stop: impl Future<Output = ()> + Send + 'sta
         let (store, shared) = take;
         let claim = runtime.block_on(claim(&store, &shared, job, attempt, &cluster_job))?;
         let afterwards = context.run(&claim, source.as_ref());
-        // All that anyone needs of it is in the object storage.
-        if copied && let Err(error) = files.remove() {
-            tracing::warn!(%error, path = %files.folder().display(), "cannot remove the files of an attempt");
-        }
         if afterwards == Afterwards::ReopenDevices {
             return Err(ProcessError::Lost);
         }

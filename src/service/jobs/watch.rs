@@ -137,7 +137,10 @@ impl<'a> Follower<'a> {
         let reached = Checkpoint::open(&path).map_err(|error| error.to_string())?.reached;
         let mut saver = saver.lock().expect("no code panics while it holds this lock");
         let saved = self.context.runtime.block_on(saver.save(&path, reached.lengths));
-        saved.map_err(|error| error.to_string())
+        saved.map_err(|error| {
+            tracing::warn!(job = %self.claim.id, %error, "a checkpoint is on this machine only");
+            error.brief()
+        })
     }
 
     fn pace(&self) -> std::sync::MutexGuard<'_, Pace> {
@@ -189,7 +192,6 @@ impl Observer for Follower<'_> {
         self.settle();
         if let Err(reason) = saved {
             // This machine can go on from it, and others from the one before.
-            tracing::warn!(job = %self.claim.id, reason, "a checkpoint is on this machine only");
             return log::note(
                 self.files,
                 &format!("the checkpoint of frame {frame} is on this machine only: {reason}"),

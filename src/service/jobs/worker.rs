@@ -7,11 +7,12 @@ use std::time::{Duration, Instant};
 
 use tokio::runtime::Handle;
 use tokio::time::timeout;
+use uuid::Uuid;
 
 use super::attempt::{self, Ending, keep_partial_recording};
 use super::cluster::{Cluster, Dispatcher};
 use super::{DeviceState, EngineSource, OpenDevices, Shared, StatusLabel, log};
-use crate::store::{Claim, DataDir, JobFiles, JobStore, Outcome, Status, StoreError};
+use crate::store::{Claim, DataDir, Job, JobFiles, JobStore, ObjectsError, Outcome, Publisher, Status, StoreError};
 use gridfall_scene::Limits;
 
 /// How long to wait before retrying a failed device or store.
@@ -120,16 +121,18 @@ impl Workers {
 
 /// Handles the jobs that were running when the previous server died, and files that belong to no
 /// job.
-async fn recover(store: &JobStore, data: &DataDir, owner: &str) -> Result<(), StoreError> {
+async fn recover(store: &JobStore, data: &Arc<DataDir>, owner: &str) -> Result<(), StoreError> {
     for job in store.recover(owner, |id| log::tail(&data.job(id))).await? {
         tracing::warn!(job = %job.id, status = %job.status, "found running after a crash");
         let files = data.job(job.id);
         log::note(&files, &format!("the server died; the job is {}", job.status));
         if job.status.is_terminal() {
-            put_in_order(data, &files).await;
+            put_in_order(store, data, job.id).await;
         }
     }
-    match data.sweep(&store.ids().await?).await {
+    // What is there is looked at first: what is added meanwhile is of jobs that the database knows.
+    let left = data.left().await?;
+    match data.sweep(&left, &store.ids().await?).await {
         Ok(false) => {}
         Ok(true) => tracing::warn!(
             "the job database knows none of the jobs whose files are in the data directory; if it is the wrong one, \
@@ -140,21 +143,47 @@ async fn recover(store: &JobStore, data: &DataDir, owner: &str) -> Result<(), St
     Ok(())
 }
 
-/// Does for a job that has ended without its last attempt what that had been to do.
-pub(super) async fn put_in_order(data: &DataDir, files: &JobFiles) {
-    if let Some(objects) = data.objects()
-        && let Err(error) = objects.fetch_checkpoints(files, i64::MAX).await
-    {
-        tracing::warn!(job = %files.id(), %error, "cannot fetch what a job has left on other machines");
+/// Does for a job that has ended without its last attempt what that had been to do. Where files are in an object
+/// storage, that may take long: it is done aside, and by [`complete`] on request if it fails.
+pub(super) async fn put_in_order(store: &JobStore, data: &Arc<DataDir>, id: Uuid) {
+    let Ok(Some(job)) = store.get(id).await else { return };
+    let own = data.clone();
+    let done = tokio::spawn(async move {
+        if let Err(error) = complete(&own, &job).await {
+            tracing::warn!(job = %id, %error, "cannot complete what a job has left; it is tried again on request");
+        }
+    });
+    if data.objects().is_none() {
+        let _ = done.await;
     }
-    let Some(&attempt) = files.attempts().unwrap_or_default().first() else { return };
-    keep_partial_recording(&files.attempt(attempt));
+}
+
+/// Completes the outputs of a job that has ended, if its last attempt has not.
+pub async fn complete(data: &DataDir, job: &Job) -> Result<(), ObjectsError> {
+    let files = data.job(job.id);
+    let turn = data.completing();
+    let _turn = turn.lock().await;
     if let Some(objects) = data.objects()
-        && let Err(error) = objects.publish(files, attempt).await
+        && !objects.fetch_rest(&files, job.attempt).await?
     {
-        tracing::warn!(job = %files.id(), %error, "cannot publish what a job has left");
+        return Ok(());
     }
-    tidy(files, attempt);
+    let at = |error| ObjectsError::Io { path: files.folder(), error };
+    let attempts = files.attempts().map_err(at)?;
+    let Some(&last) = attempts.iter().find(|&&attempt| attempt <= job.attempt) else { return Ok(()) };
+    if last < job.attempt {
+        // One that left nothing: what was before it is what the job comes to.
+        std::fs::rename(files.attempt(last).folder(), files.folder().join(job.attempt.to_string())).map_err(at)?;
+    }
+    let own = files.attempt(job.attempt);
+    let kept = tokio::task::spawn_blocking(move || keep_partial_recording(&own)).await;
+    kept.map_err(|error| at(std::io::Error::other(error)))?;
+    if let Some(objects) = data.objects() {
+        Publisher::new(objects, &files, job.attempt).publish().await?;
+        objects.tidy(job.id, job.attempt).await?;
+    }
+    tidy(&files, job.attempt);
+    Ok(())
 }
 
 /// Removes what only a job that goes on needs.
@@ -247,9 +276,14 @@ impl Context {
             self.shared.counters.finished.get_or_create(&StatusLabel { status }).inc();
             if matches!(ending, Ending::Stopped) {
                 // It was canceled while it was to stop.
-                self.runtime.block_on(put_in_order(&self.data, &files));
+                self.runtime.block_on(put_in_order(&self.store, &self.data, claim.id));
             }
             tidy(&files, claim.attempt);
+            if let Some(objects) = self.data.objects()
+                && let Err(error) = self.runtime.block_on(objects.tidy(claim.id, claim.attempt))
+            {
+                tracing::warn!(%error, "cannot remove objects that a job no longer needs");
+            }
         }
         match ending {
             Ending::Lost(_) | Ending::Finished { devices_suspect: true, .. } => Afterwards::ReopenDevices,

@@ -18,6 +18,18 @@ pub struct Asset {
     pub kind: String,
 }
 
+impl Asset {
+    /// The digits of its id.
+    fn digits(&self) -> &str {
+        &self.id["sha256:".len()..]
+    }
+
+    /// The name of its file.
+    fn file(&self) -> String {
+        format!("{}.{}", self.digits(), self.kind)
+    }
+}
+
 /// The folder of uploads.
 #[derive(Clone, Debug)]
 pub struct AssetFiles {
@@ -46,24 +58,7 @@ impl AssetFiles {
     pub fn put(&self, bytes: &[u8], kind: &str) -> io::Result<(Asset, bool)> {
         let hex = hashed::name(bytes);
         let asset = Asset { id: format!("sha256:{hex}"), bytes: bytes.len() as u64, kind: kind.to_owned() };
-        if self.find(&asset.id)?.is_some() {
-            return Ok((asset, false));
-        }
-        let name = format!("{hex}.{kind}");
-        hashed::write(&self.dir, &name, bytes)?;
-        self.share(&name)?;
-        Ok((asset, true))
-    }
-
-    /// Gives a file of the folder to other machines. Where that fails, the file goes: an upload is everywhere or
-    /// nowhere.
-    fn share(&self, name: &str) -> io::Result<()> {
-        let Some(objects) = &self.objects else { return Ok(()) };
-        let path = self.dir.join(name);
-        objects.wait(objects.put_asset(name, &path)).map_err(|error| {
-            let _ = fs::remove_file(&path);
-            io::Error::other(error)
-        })
+        self.keep_as(asset, |name| hashed::write(&self.dir, name, bytes))
     }
 
     /// Takes over a file that will not change, by a link where the file system has them. Returns false if its bytes
@@ -71,40 +66,65 @@ impl AssetFiles {
     pub fn keep(&self, file: &Path, kind: &str) -> io::Result<(Asset, bool)> {
         let (hex, bytes) = hashed::name_of(file)?;
         let asset = Asset { id: format!("sha256:{hex}"), bytes, kind: kind.to_owned() };
-        if self.find(&asset.id)?.is_some() {
-            return Ok((asset, false));
+        self.keep_as(asset, |name| hashed::link(&self.dir, name, file))
+    }
+
+    fn keep_as(&self, asset: Asset, make: impl FnOnce(&str) -> io::Result<()>) -> io::Result<(Asset, bool)> {
+        let found = self.find(&asset.id)?;
+        let new = found.is_none();
+        let asset = found.map_or(asset, |(asset, _)| asset);
+        if new {
+            make(&asset.file())?;
         }
-        let name = format!("{hex}.{kind}");
-        hashed::link(&self.dir, &name, file)?;
-        self.share(&name)?;
-        Ok((asset, true))
+        // The other machines may not have it, although it is here.
+        self.share(&asset)?;
+        Ok((asset, new))
+    }
+
+    /// Gives an upload to other machines.
+    fn share(&self, asset: &Asset) -> io::Result<()> {
+        let Some(objects) = &self.objects else { return Ok(()) };
+        let name = asset.file();
+        objects.wait(objects.put_asset(&name, &self.dir.join(&name))).map_err(io::Error::other)
+    }
+
+    /// Gives all uploads to other machines.
+    pub fn share_all(&self) -> io::Result<()> {
+        self.here()?.iter().try_for_each(|(asset, _)| self.share(asset))
     }
 
     /// An upload and its file. Like all of these, for threads that may wait.
     pub fn find(&self, id: &str) -> io::Result<Option<(Asset, PathBuf)>> {
-        for entry in fs::read_dir(&self.dir)? {
-            let path = entry?.path();
-            if let Some(asset) = asset(&path)?.filter(|asset| asset.id == id) {
-                return Ok(Some((asset, path)));
-            }
+        let here = self.here()?.into_iter().find(|(asset, _)| asset.id == id);
+        let Some(objects) = self.objects.as_ref().filter(|_| here.is_none()) else { return Ok(here) };
+        let Some(asset) = self.elsewhere()?.into_iter().find(|asset| asset.id == id) else { return Ok(None) };
+        let (name, partial) = (asset.file(), hashed::partial(&self.dir));
+        objects.wait(objects.fetch_asset(&name, asset.bytes, &partial)).map_err(io::Error::other)?;
+        if hashed::name_of(&partial)?.0 != asset.digits() {
+            fs::remove_file(&partial)?;
+            return Err(io::Error::other(format!("the object storage holds other bytes as {id}")));
         }
-        let Some(objects) = &self.objects else { return Ok(None) };
-        let elsewhere = self.elsewhere()?.into_iter().find(|asset| asset.id == id);
-        let Some(asset) = elsewhere else { return Ok(None) };
-        let name = format!("{}.{}", &asset.id["sha256:".len()..], asset.kind);
-        let path = self.dir.join(&name);
-        objects.wait(objects.fetch_asset(&name, asset.bytes, &path)).map_err(io::Error::other)?;
+        let path = self.dir.join(name);
+        fs::rename(&partial, &path)?;
         Ok(Some((asset, path)))
     }
 
     /// All uploads, by id.
     pub fn list(&self) -> io::Result<Vec<Asset>> {
         let mut found = self.elsewhere()?;
-        for entry in fs::read_dir(&self.dir)? {
-            found.extend(asset(&entry?.path())?);
-        }
+        found.extend(self.here()?.into_iter().map(|(asset, _)| asset));
         found.sort_by(|a, b| a.id.cmp(&b.id));
         found.dedup_by(|a, b| a.id == b.id);
+        Ok(found)
+    }
+
+    /// The uploads in the folder.
+    fn here(&self) -> io::Result<Vec<(Asset, PathBuf)>> {
+        let mut found = Vec::new();
+        for entry in fs::read_dir(&self.dir)? {
+            let path = entry?.path();
+            found.extend(asset(&path)?.map(|asset| (asset, path)));
+        }
         Ok(found)
     }
 

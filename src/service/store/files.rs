@@ -5,11 +5,16 @@ use std::collections::HashSet;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
+use tokio::sync::Mutex;
 use uuid::Uuid;
 
 use super::objects::{self, Objects, ObjectsError};
-use super::{AssetFiles, SceneFiles, StoreError};
+use super::{AssetFiles, Job, SceneFiles, StoreError};
+
+/// What the names of the folders of processes begin with.
+const SCRATCH: &str = "gridfall-worker-";
 
 /// A data directory, owned by this process for as long as the value lives, or by the server whose worker it is.
 #[derive(Debug)]
@@ -19,6 +24,7 @@ pub struct DataDir {
     scenes: SceneFiles,
     /// Where the files are for other machines, too.
     objects: Option<Objects>,
+    completing: Arc<Mutex<()>>,
     _lock: Option<File>,
 }
 
@@ -32,7 +38,14 @@ impl DataDir {
             Ok(()) => {
                 let assets = AssetFiles::open(root.join("assets")).map_err(at)?;
                 let scenes = SceneFiles::open(root.join("scenes")).map_err(at)?;
-                Ok(Self { root: root.to_owned(), assets, scenes, objects: None, _lock: Some(lock) })
+                Ok(Self {
+                    root: root.to_owned(),
+                    assets,
+                    scenes,
+                    objects: None,
+                    completing: Arc::default(),
+                    _lock: Some(lock),
+                })
             }
             Err(TryLockError::WouldBlock) => Err(StoreError::Locked { path: root.to_owned() }),
             Err(TryLockError::Error(error)) => Err(at(error)),
@@ -44,19 +57,33 @@ impl DataDir {
         let at = |error| StoreError::Io { path: root.to_owned(), error };
         fs::read_dir(root.join("jobs")).map_err(at)?;
         let (assets, scenes) = (AssetFiles::at(root.join("assets")), SceneFiles::at(root.join("scenes")));
-        Ok(Self { root: root.to_owned(), assets, scenes, objects: None, _lock: None })
+        Ok(Self { root: root.to_owned(), assets, scenes, objects: None, completing: Arc::default(), _lock: None })
     }
 
-    /// A folder of this machine, for workers whose server's files are in an object storage.
+    /// A folder for one process of this machine, in `root`, for workers whose server's files are in an object storage.
+    /// What processes that are gone have left there is removed.
     pub fn scratch(root: &Path, objects: Objects) -> Result<Self, StoreError> {
-        let folders = ["jobs", "assets", "scenes"].into_iter().try_for_each(|name| fs::create_dir_all(root.join(name)));
-        folders.map_err(|error| StoreError::Io { path: root.to_owned(), error })?;
-        Ok(Self::join(root)?.with_objects(objects))
+        let at = |error| StoreError::Io { path: root.to_owned(), error };
+        for entry in fs::read_dir(root).map_err(at)?.filter_map(Result::ok) {
+            let (name, folder) = (entry.file_name(), entry.path());
+            let own = name.to_str().is_some_and(|name| name.starts_with(SCRATCH));
+            // Without a lock, its process is about to take it.
+            if own && File::open(folder.join("lock")).is_ok_and(|lock| lock.try_lock().is_ok()) {
+                let _ = fs::remove_dir_all(folder);
+            }
+        }
+        let folder = root.join(format!("{SCRATCH}{}", Uuid::now_v7()));
+        Ok(Self::open(&folder)?.with_objects(objects))
     }
 
     /// The same, as a copy of what is in an object storage.
     pub fn with_objects(self, objects: Objects) -> Self {
         Self { assets: self.assets.with_objects(objects.clone()), objects: Some(objects), ..self }
+    }
+
+    /// Held while outputs are completed that their attempt has not.
+    pub fn completing(&self) -> Arc<Mutex<()>> {
+        self.completing.clone()
     }
 
     pub fn objects(&self) -> Option<&Objects> {
@@ -117,30 +144,29 @@ impl DataDir {
         JobFiles { id, dir: self.root.join("jobs").join(id.to_string()) }
     }
 
-    /// Brings the outputs of these names here that an attempt has left on other machines. See [`Objects::fetch`].
-    pub async fn fetch(&self, id: Uuid, attempt: i64, names: &[&str]) -> Result<(), ObjectsError> {
+    /// Brings the outputs of these names here that a job's last attempt has left on other machines. See
+    /// [`Objects::fetch`].
+    pub async fn fetch(&self, job: &Job, names: &[&str]) -> Result<(), ObjectsError> {
         match &self.objects {
-            Some(objects) => objects.fetch(&self.job(id), attempt, names).await,
+            Some(objects) => objects.fetch(&self.job(job.id), job.attempt, job.status.is_terminal(), names).await,
             None => Ok(()),
         }
     }
 
-    /// Removes what a job has left. Where the object storage cannot be reached, the folder stays, and with it the next
-    /// [`Self::sweep`] removes the rest.
+    /// Removes what a job has left. Where the object storage cannot be reached, the next [`Self::sweep`] does the rest.
     pub async fn remove(&self, id: Uuid) -> Result<(), StoreError> {
-        let files = self.job(id);
-        let at = |error| StoreError::Io { path: files.folder(), error };
-        if let Some(objects) = &self.objects
-            && let Err(error) = objects.remove(id).await
-        {
-            tracing::warn!(job = %id, %error, "cannot remove a job's objects; it is tried again at the next start");
-            return fs::create_dir_all(files.folder()).map_err(at);
-        }
-        let removed = {
-            let files = files.clone();
-            tokio::task::spawn_blocking(move || files.remove()).await
-        };
-        removed.map_err(io::Error::other).flatten().map_err(at)
+        let (files, objects) = (self.job(id), self.objects.clone());
+        let path = files.folder();
+        // On a task of its own: it goes on if nobody waits for it any more.
+        let removed = tokio::spawn(async move {
+            if let Some(objects) = objects
+                && let Err(error) = objects.remove(id).await
+            {
+                tracing::warn!(job = %id, %error, "cannot remove a job's objects; it is tried again at the next start");
+            }
+            tokio::task::spawn_blocking(move || files.remove()).await.map_err(io::Error::other).flatten()
+        });
+        removed.await.map_err(io::Error::other).flatten().map_err(|error| StoreError::Io { path, error })
     }
 
     /// Removes large files that the object storage has, too, until the others take no more than `most` bytes.
@@ -148,23 +174,31 @@ impl DataDir {
         if self.objects.is_some() { objects::make_room(&self.jobs(), most) } else { Ok(0) }
     }
 
-    /// Removes what is left of jobs that no longer exist. If that would be all of several, none is removed: it is more
-    /// likely that the database is another one. Returns whether that is so.
-    pub async fn sweep(&self, known: &HashSet<Uuid>) -> Result<bool, StoreError> {
+    /// The jobs of which there is something.
+    pub async fn left(&self) -> Result<HashSet<Uuid>, StoreError> {
         let at = |error| StoreError::Io { path: self.jobs(), error };
-        let folders = self.folders().map_err(at)?;
-        if folders.len() > 1 && !folders.iter().any(|id| known.contains(id)) {
+        let mut left = self.folders().map_err(at)?;
+        if let Some(objects) = &self.objects {
+            left.extend(objects.jobs().await?);
+        }
+        Ok(left)
+    }
+
+    /// Removes what is left ([`Self::left`], before) of jobs that no longer exist. If that would be all of several,
+    /// none is removed: it is more likely that the database is another one. Returns whether that is so.
+    pub async fn sweep(&self, left: &HashSet<Uuid>, known: &HashSet<Uuid>) -> Result<bool, StoreError> {
+        if left.len() > 1 && left.is_disjoint(known) {
             return Ok(true);
         }
-        for id in folders.into_iter().filter(|id| !known.contains(id)) {
+        for &id in left.difference(known) {
             self.remove(id).await?;
         }
         Ok(false)
     }
 
     /// The jobs that have a folder.
-    fn folders(&self) -> io::Result<Vec<Uuid>> {
-        let mut found = Vec::new();
+    fn folders(&self) -> io::Result<HashSet<Uuid>> {
+        let mut found = HashSet::new();
         for entry in fs::read_dir(self.jobs())? {
             found.extend(entry?.file_name().to_str().and_then(|name| Uuid::parse_str(name).ok()));
         }

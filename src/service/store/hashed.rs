@@ -2,7 +2,7 @@
 
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 use uuid::Uuid;
@@ -43,9 +43,14 @@ pub fn open(dir: &Path) -> io::Result<()> {
     Ok(())
 }
 
+/// A name in the folder for a file that is not complete.
+pub fn partial(dir: &Path) -> PathBuf {
+    dir.join(format!("{}.partial", Uuid::now_v7()))
+}
+
 /// Writes a file, which is renamed when complete, so that no reader ever sees half of it.
 pub fn write(dir: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
-    let partial = dir.join(format!("{}.partial", Uuid::now_v7()));
+    let partial = partial(dir);
     let mut file = File::create(&partial)?;
     file.write_all(bytes)?;
     file.sync_all()?;
@@ -55,7 +60,7 @@ pub fn write(dir: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
 
 /// Gives a file a second name in the folder; copies it where that is not possible.
 pub fn link(dir: &Path, name: &str, file: &Path) -> io::Result<()> {
-    let partial = dir.join(format!("{}.partial", Uuid::now_v7()));
+    let partial = partial(dir);
     if fs::hard_link(file, &partial).is_err() {
         fs::copy(file, &partial)?;
         File::open(&partial)?.sync_all()?;

@@ -40,7 +40,7 @@ pub use filter::Filter;
 pub use groups::Sweep;
 pub use job::{Failure, Job, NewJob, NewSweep, Owner, Progress, Status};
 pub use keys::{Key, MAX_KEY_NAME, NewKey, Quotas, Scope, Secret, Standing};
-pub use objects::{Objects, ObjectsError, Remote, Saver};
+pub use objects::{Objects, ObjectsError, Publisher, Remote, Saver};
 pub use offers::{Candidate, Leftover, Offer, OfferEnd, Taken, owner};
 pub use scenes::SceneFiles;
 pub use usage::{USAGE_DAYS, Upload, Usage};
@@ -178,6 +178,11 @@ impl JobStore {
     /// Whether an error tells of a database that cannot be reached now, and may be soon.
     pub fn is_away(error: &StoreError) -> bool {
         matches!(error, StoreError::Database(error) if database::is_away(error))
+    }
+
+    /// Who this database is, among all.
+    pub async fn identity(&self) -> Result<String> {
+        Ok(sqlx::query_scalar("SELECT id FROM identity").fetch_one(&self.database.reader).await?)
     }
 
     /// Runs a trivial query, as proof of life.

@@ -30,7 +30,7 @@ async fn folders_of_forgotten_jobs_are_swept() {
     let (kept, forgotten) = (Uuid::now_v7(), Uuid::now_v7());
     data.job(kept).attempt(1).create().unwrap();
     data.job(forgotten).attempt(1).create().unwrap();
-    assert!(!data.sweep(&HashSet::from([kept])).await.unwrap());
+    assert!(!data.sweep(&data.left().await.unwrap(), &HashSet::from([kept])).await.unwrap());
     assert!(data.job(kept).attempts().unwrap() == [1]);
     assert!(data.job(forgotten).attempts().unwrap().is_empty());
 }
@@ -41,6 +41,6 @@ async fn another_database_costs_no_files() {
     let data = DataDir::open(dir.path()).unwrap();
     let jobs = [Uuid::now_v7(), Uuid::now_v7()];
     jobs.iter().for_each(|&id| data.job(id).attempt(1).create().unwrap());
-    assert!(data.sweep(&HashSet::from([Uuid::now_v7()])).await.unwrap());
+    assert!(data.sweep(&data.left().await.unwrap(), &HashSet::from([Uuid::now_v7()])).await.unwrap());
     assert!(jobs.iter().all(|&id| data.job(id).attempts().unwrap() == [1]));
 }

@@ -162,7 +162,7 @@ impl Dispatcher {
     async fn ended(&mut self, job: Uuid, status: Status) {
         if status.is_terminal() {
             self.shared.counters.finished.get_or_create(&StatusLabel { status }).inc();
-            put_in_order(&self.data, &self.data.job(job)).await;
+            put_in_order(&self.store, &self.data, job).await;
             self.told.remove(&job);
             self.paused.remove(&job);
         }

@@ -1,93 +1,20 @@
-//! The files of an attempt in the object storage.
+//! The files of an attempt on their way to the object storage.
 //!
 //! While it runs, each checkpoint goes there with what the growing files have gained since the one before, and after
 //! both, over the one before, the list of them (`progress.json`): another machine can go on from it. When it has ended,
 //! its outputs go there as they are, and at last the list of those (`published.json`), which is created once: nobody
-//! reads outputs that no list names. What only the progress needed is removed then.
+//! reads outputs that no list names. What only the progress needed is removed once the job has ended.
 
 use std::collections::HashSet;
-use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
+use super::lists::{Entry, GROWING, LOG, List, OUTPUTS, PROGRESS, PUBLISHED, key, part};
 use super::{Objects, ObjectsError, Result};
 use crate::store::JobFiles;
-
-const PROGRESS: &str = "progress.json";
-const PUBLISHED: &str = "published.json";
-/// The log of the job, as the machine of the attempt has it.
-const LOG: &str = "log.txt";
-/// The outputs of an attempt that has ended.
-const OUTPUTS: [&str; 5] = ["recording.mcap", "thumbnail.png", "diagnostics.csv", "solver.csv", "state.npz"];
-/// What grows while an attempt runs, and ends where a checkpoint says.
-const GROWING: [&str; 3] = ["recording.mcap.partial", "diagnostics.csv", "solver.csv"];
-
-/// What an attempt has in the object storage.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct List {
-    /// The folder of the outputs, if this is of these. Each process that publishes has its own.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub published: Option<String>,
-    pub files: Vec<Entry>,
-}
-
-/// A file.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Entry {
-    pub name: String,
-    pub bytes: u64,
-    /// Since the Unix epoch (ns): all copies of a file were changed at the same time, and are the same to clients.
-    pub modified_ns: u64,
-    /// Where the parts begin that the file is kept in; one that is kept as it is has none.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub parts: Vec<u64>,
-}
-
-impl List {
-    pub fn entry(&self, name: &str) -> Option<&Entry> {
-        self.files.iter().find(|entry| entry.name == name)
-    }
-
-    /// What is before the names of objects in their keys.
-    pub fn folder(&self, job: Uuid, attempt: i64) -> String {
-        let key = key(job, attempt);
-        self.published.as_ref().map_or_else(|| key.clone(), |own| format!("{key}/{own}"))
-    }
-}
-
-impl Entry {
-    pub fn modified(&self) -> SystemTime {
-        SystemTime::UNIX_EPOCH + Duration::from_nanos(self.modified_ns)
-    }
-
-    /// The objects and the bytes of the file in each.
-    pub fn objects(&self) -> Vec<(String, Range<u64>)> {
-        if self.parts.is_empty() {
-            return vec![(self.name.clone(), 0..self.bytes)];
-        }
-        let ends = self.parts[1..].iter().copied().chain([self.bytes]);
-        self.parts.iter().zip(ends).map(|(&start, end)| (part(&self.name, start), start..end)).collect()
-    }
-}
-
-fn part(name: &str, start: u64) -> String {
-    format!("{name}.parts/{start:020}")
-}
-
-pub(super) fn key(job: Uuid, attempt: i64) -> String {
-    format!("jobs/{job}/{attempt}")
-}
-
-/// The entry of a file as it is.
-fn entry(name: &str, path: &Path) -> io::Result<Entry> {
-    let metadata = path.metadata()?;
-    let since = metadata.modified()?.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-    Ok(Entry { name: name.to_owned(), bytes: metadata.len(), modified_ns: since.as_nanos() as u64, parts: Vec::new() })
-}
 
 /// An output in the object storage.
 #[derive(Clone, Debug)]
@@ -138,7 +65,7 @@ impl Saver {
             if !path.exists() {
                 continue;
             }
-            let mut now = entry(name, &path).map_err(ObjectsError::io(&path))?;
+            let mut now = Entry::of(name, &path)?;
             now.bytes = length;
             let known = self.last.entry(name).filter(|known| known.bytes <= length);
             now.parts = known.map(|known| known.parts.clone()).unwrap_or_default();
@@ -150,9 +77,9 @@ impl Saver {
             list.files.push(now);
         }
         let name = checkpoint.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        list.files.push(self.put(&format!("checkpoints/{name}"), checkpoint).await?);
+        list.files.push(put(&self.objects, &self.key, &format!("checkpoints/{name}"), checkpoint).await?);
         if self.files.log().exists() {
-            list.files.push(self.put(LOG, &self.files.log()).await?);
+            list.files.push(put(&self.objects, &self.key, LOG, &self.files.log()).await?);
         }
         let bytes = serde_json::to_vec(&list).expect("a list is plain data");
         bucket.put(&format!("{}/{PROGRESS}", self.key), bytes).await?;
@@ -162,46 +89,67 @@ impl Saver {
         self.last = list;
         Ok(())
     }
-
-    async fn put(&self, name: &str, path: &Path) -> Result<Entry> {
-        put(&self.objects, &self.key, name, path).await
-    }
 }
 
 async fn put(objects: &Objects, key: &str, name: &str, path: &Path) -> Result<Entry> {
-    let entry = entry(name, path).map_err(ObjectsError::io(path))?;
+    let entry = Entry::of(name, path)?;
     objects.bucket.put_file(&format!("{key}/{name}"), path, 0..entry.bytes).await?;
     Ok(entry)
 }
 
-impl Objects {
-    /// Takes the outputs of an attempt that has ended to the object storage. May be repeated. Fails with
-    /// [`ObjectsError::Taken`] if another process has done so for the same attempt, and changes nothing of that.
-    pub async fn publish(&self, files: &JobFiles, attempt: i64) -> Result<()> {
-        let (key, dir) = (key(files.id(), attempt), files.attempt(attempt).folder());
-        let mut list = List { published: Some(Uuid::now_v7().to_string()), files: Vec::new() };
-        let folder = list.folder(files.id(), attempt);
+/// Takes the outputs of an attempt that has ended to the object storage.
+#[derive(Debug)]
+pub struct Publisher {
+    objects: Objects,
+    files: JobFiles,
+    attempt: i64,
+    /// Those that are there.
+    list: List,
+}
+
+impl Publisher {
+    pub fn new(objects: &Objects, files: &JobFiles, attempt: i64) -> Self {
+        let list = List { published: Some(Uuid::now_v7().to_string()), files: Vec::new() };
+        Self { objects: objects.clone(), files: files.clone(), attempt, list }
+    }
+
+    /// May be repeated, and goes on where it failed. Fails with [`ObjectsError::Taken`] if another process has published
+    /// the same attempt, and changes nothing of that.
+    pub async fn publish(&mut self) -> Result<()> {
+        let (job, dir) = (self.files.id(), self.files.attempt(self.attempt).folder());
+        let folder = self.list.folder(job, self.attempt);
         let outputs = OUTPUTS.map(|name| (name, dir.join(name)));
-        for (name, path) in outputs.into_iter().chain([(LOG, files.log())]).filter(|(_, path)| path.exists()) {
-            list.files.push(put(self, &folder, name, &path).await?);
-        }
-        let bytes = serde_json::to_vec(&list).expect("a list is plain data");
-        let at = format!("{key}/{PUBLISHED}");
-        if !self.bucket.create(&at, bytes).await? {
-            self.bucket.delete_below(&folder).await?;
-            // Perhaps by an earlier try of this process, whose answer was lost; its log has got longer since.
-            let there = self.list(&at).await?.unwrap_or_default();
-            let outputs =
-                |list: &List| list.files.iter().filter(|entry| entry.name != LOG).cloned().collect::<Vec<_>>();
-            if outputs(&there) != outputs(&list) {
-                return Err(ObjectsError::Taken(at));
+        for (name, path) in outputs.into_iter().chain([(LOG, self.files.log())]).filter(|(_, path)| path.exists()) {
+            if self.list.entry(name).is_none() {
+                self.list.files.push(put(&self.objects, &folder, name, &path).await?);
             }
-            list = there;
         }
-        self.note(&dir, &list)?;
-        let own = format!("{}/", list.published.as_deref().unwrap_or_default());
-        let rest =
-            self.bucket.list(&key).await?.into_iter().filter(|(name, _)| name != PUBLISHED && !name.starts_with(&own));
+        let bytes = serde_json::to_vec(&self.list).expect("a list is plain data");
+        let at = format!("{}/{PUBLISHED}", key(job, self.attempt));
+        if !self.objects.bucket.create(&at, bytes).await? {
+            match self.objects.published(job, self.attempt).await? {
+                // By a request whose answer was lost.
+                Some(there) if there.published == self.list.published => {}
+                Some(_) => {
+                    self.objects.bucket.delete_below(&folder).await?;
+                    return Err(ObjectsError::Taken(at));
+                }
+                // Somebody was writing it, and has not.
+                None => return Err(ObjectsError::Busy(at)),
+            }
+        }
+        self.objects.note(&dir, &self.list)
+    }
+}
+
+impl Objects {
+    /// Removes what nobody needs of a job that has ended with this attempt.
+    pub async fn tidy(&self, job: Uuid, attempt: i64) -> Result<()> {
+        self.forget_before(job, attempt).await?;
+        let Some(list) = self.published(job, attempt).await? else { return Ok(()) };
+        let (key, own) = (key(job, attempt), format!("{}/", list.published.unwrap_or_default()));
+        let there = self.bucket.list(&key).await?.into_iter();
+        let rest = there.filter(|(name, _)| name != PUBLISHED && !name.starts_with(&own));
         self.bucket.delete(rest.map(|(name, _)| format!("{key}/{name}")).collect()).await
     }
 
@@ -234,29 +182,9 @@ impl Objects {
         Ok(self.bucket.list("jobs").await?.iter().map(|(_, bytes)| bytes).sum())
     }
 
-    /// The attempts at a job that have something there.
-    pub(super) async fn attempts(&self, job: Uuid) -> Result<Vec<i64>> {
-        let folders = self.bucket.folders(&format!("jobs/{job}")).await?;
-        Ok(folders.iter().filter_map(|name| name.parse().ok()).collect())
-    }
-
-    /// What an attempt has there: its outputs if it has published them, what it can be gone on from if not.
-    pub(super) async fn listed(&self, job: Uuid, attempt: i64) -> Result<Option<List>> {
-        let key = key(job, attempt);
-        match self.list(&format!("{key}/{PUBLISHED}")).await? {
-            None => self.list(&format!("{key}/{PROGRESS}")).await,
-            published => Ok(published),
-        }
-    }
-
-    async fn list(&self, key: &str) -> Result<Option<List>> {
-        let Some(bytes) = self.bucket.get(key).await? else { return Ok(None) };
-        serde_json::from_slice(&bytes).map(Some).map_err(|_| ObjectsError::Damaged(key.to_owned()))
-    }
-
     /// The outputs that an attempt has published.
     pub async fn outputs(&self, job: Uuid, attempt: i64) -> Result<Vec<Remote>> {
-        let list = self.list(&format!("{}/{PUBLISHED}", key(job, attempt))).await?.unwrap_or_default();
+        let list = self.published(job, attempt).await?.unwrap_or_default();
         let remote = |entry: &Entry| Remote {
             objects: self.clone(),
             key: format!("{}/{}", list.folder(job, attempt), entry.name),

@@ -23,6 +23,8 @@ use super::Result;
 
 /// What is sent or asked for at a time (bytes). S3 wants parts of at least 5 MiB.
 const PART_BYTES: u64 = 8 << 20;
+/// Parts of one object. S3 takes 10,000.
+const MOST_PARTS: u64 = 9000;
 /// Parts that are on their way at a time.
 const PARTS_ON_THE_WAY: usize = 4;
 /// How long one request is repeated. Who must not fail begins anew.
@@ -47,20 +49,37 @@ pub enum ObjectsError {
         use storage that supports conditional writes"
     )]
     Unconditional { place: String },
+    #[error("--files: {0} has the files of another job database; give each database a prefix of its own")]
+    Foreign(String),
     #[error("the object storage failed: {0}")]
     Failed(#[from] object_store::Error),
     #[error("{path}: {error}")]
     Io { path: PathBuf, error: io::Error },
     #[error("the object storage holds another {0}: it was published by another process")]
     Taken(String),
+    #[error("another process is about to write {0}")]
+    Busy(String),
     #[error("the object storage holds no sound {0}")]
     Damaged(String),
+    #[error("{path} has no room for {bytes} bytes of the object storage; remove files, or lower --cache-bytes")]
+    Full { path: PathBuf, bytes: u64 },
 }
 
 impl ObjectsError {
     /// Whether an object is not there.
     pub fn is_missing(&self) -> bool {
         matches!(self, Self::Failed(object_store::Error::NotFound { .. }))
+    }
+
+    /// What users of jobs are told. The rest, with addresses and what the storage said, is for the server's log.
+    pub fn brief(&self) -> String {
+        match self {
+            Self::Failed(object_store::Error::NotFound { .. }) => "the object storage lacks an object".into(),
+            Self::Failed(_) => {
+                "the object storage does not answer, or refuses; the server's log has what it says".into()
+            }
+            other => other.to_string(),
+        }
     }
 
     pub fn io(path: &FilePath) -> impl FnOnce(io::Error) -> Self {
@@ -129,6 +148,18 @@ impl Bucket {
         self.delete(vec![key]).await.map_err(unusable)
     }
 
+    pub fn place(&self) -> &str {
+        &self.place
+    }
+
+    pub async fn has(&self, key: &str) -> Result<bool> {
+        match self.store.head(&self.path(key)).await {
+            Ok(_) => Ok(true),
+            Err(object_store::Error::NotFound { .. }) => Ok(false),
+            Err(error) => Err(error.into()),
+        }
+    }
+
     pub async fn put(&self, key: &str, bytes: Vec<u8>) -> Result<()> {
         self.store.put(&self.path(key), PutPayload::from(bytes)).await?;
         Ok(())
@@ -150,8 +181,9 @@ impl Bucket {
         let mut from = tokio::fs::File::open(file).await.map_err(io(file))?;
         from.seek(io::SeekFrom::Start(part.start)).await.map_err(io(file))?;
         let mut left = part.end - part.start;
+        let size = PART_BYTES.max(left.div_ceil(MOST_PARTS));
         let mut next = async move || {
-            let mut bytes = vec![0; left.min(PART_BYTES) as usize];
+            let mut bytes = vec![0; left.min(size) as usize];
             left -= bytes.len() as u64;
             from.read_exact(&mut bytes).await.map_err(io(file)).map(|_| bytes)
         };
@@ -159,7 +191,7 @@ impl Bucket {
             return self.put(key, next().await?).await;
         }
         let upload = self.store.put_multipart(&self.path(key)).await?;
-        let mut upload = WriteMultipart::new_with_chunk_size(upload, PART_BYTES as usize);
+        let mut upload = WriteMultipart::new_with_chunk_size(upload, size as usize);
         let mut sent = part.start;
         while sent < part.end {
             let step = async {

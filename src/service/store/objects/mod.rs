@@ -5,9 +5,9 @@
 
 mod attempt;
 mod bucket;
+mod lists;
 mod local;
 
-use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -15,9 +15,8 @@ use std::sync::Arc;
 use reqwest as _;
 use tokio::runtime::Handle;
 use tokio_rustls::rustls;
-use uuid::Uuid;
 
-pub use attempt::{Remote, Saver};
+pub use attempt::{Publisher, Remote, Saver};
 pub use bucket::ObjectsError;
 pub use local::make_room;
 
@@ -51,10 +50,24 @@ impl Objects {
         self.runtime.block_on(answer)
     }
 
-    /// Keeps an upload, for all machines.
+    /// Makes sure that what is below the prefix is of the job database with this identity, and of no other.
+    pub async fn belong_to(&self, identity: &str) -> Result<()> {
+        const KEY: &str = "database";
+        if self.bucket.create(KEY, identity.as_bytes().to_vec()).await? {
+            return Ok(());
+        }
+        let there = self.bucket.get(KEY).await?.unwrap_or_default();
+        if there == identity.as_bytes() { Ok(()) } else { Err(ObjectsError::Foreign(self.bucket.place().to_owned())) }
+    }
+
+    /// Keeps an upload for all machines, unless it is there already.
     pub(super) async fn put_asset(&self, name: &str, file: &Path) -> Result<()> {
+        let key = format!("assets/{name}");
+        if self.bucket.has(&key).await? {
+            return Ok(());
+        }
         let bytes = file.metadata().map_err(ObjectsError::io(file))?.len();
-        self.bucket.put_file(&format!("assets/{name}"), file, 0..bytes).await
+        self.bucket.put_file(&key, file, 0..bytes).await
     }
 
     /// The names and sizes of all uploads.
@@ -62,14 +75,8 @@ impl Objects {
         self.bucket.list("assets").await
     }
 
-    /// Brings an upload here, whose file has the name of the object.
+    /// Brings an upload here.
     pub(super) async fn fetch_asset(&self, name: &str, bytes: u64, to: &Path) -> Result<()> {
-        let partial = to.with_extension(format!("{}.partial", Uuid::now_v7()));
-        let fetched = self.bucket.append(&format!("assets/{name}"), 0..bytes, &partial).await;
-        let fetched = fetched.and_then(|()| fs::rename(&partial, to).map_err(ObjectsError::io(to)));
-        if fetched.is_err() {
-            let _ = fs::remove_file(&partial);
-        }
-        fetched
+        self.bucket.append(&format!("assets/{name}"), 0..bytes, to).await
     }
 }

@@ -1,0 +1,3 @@
+-- Who this database is: an object storage keeps the files of one.
+CREATE TABLE identity (id TEXT NOT NULL);
+INSERT INTO identity VALUES (lower(hex(randomblob(16))));
