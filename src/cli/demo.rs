@@ -129,6 +129,7 @@ impl Server {
             keep: Keep::default(),
             config: Config::default(),
             checkpoint_every: Settings::default().checkpoint_every,
+            small_jobs: (0, 0),
             executor: Executor::Local(vec![opener(device)]),
         };
         let (stop, stopped) = oneshot::channel();

@@ -13,7 +13,7 @@ use super::{CliError, interrupt};
 use gridfall_engine::choice::Devices;
 use gridfall_service::http::{self, Certificate, Config, Options, Patience};
 use gridfall_service::jobs::retention::Keep;
-use gridfall_service::jobs::{EngineSource, OpenDevices, yield_to_requests};
+use gridfall_service::jobs::{EngineSource, OpenDevices, Settings, yield_to_requests};
 
 /// Run the server. It ends gracefully on SIGINT and SIGTERM: the running job goes back into the
 /// queue.
@@ -72,6 +72,15 @@ pub struct Arguments {
         env = "GRIDFALL_CHECKPOINT_SECONDS"
     )]
     checkpoint_seconds: f64,
+    /// Small jobs that each device may run at a time beside another job. They leave most of a device idle,
+    /// and many of them end sooner together.
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u16).range(..=64),
+        env = "GRIDFALL_SMALL_JOBS")]
+    small_jobs: u16,
+    /// With --small-jobs: the most particles of a small job.
+    #[arg(long, default_value_t = Settings::default().small_particles, value_name = "N",
+        env = "GRIDFALL_SMALL_PARTICLES")]
+    small_particles: u64,
     /// Let pages of this origin use the API, its scheme, host and port. Repeatable.
     #[arg(long, value_name = "ORIGIN", value_parser = origin, env = "GRIDFALL_CORS_ORIGIN", value_delimiter = ',')]
     cors_origin: Vec<String>,
@@ -169,6 +178,7 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
             ..Config::default()
         },
         checkpoint_every: Duration::from_secs_f64(arguments.checkpoint_seconds),
+        small_jobs: (arguments.small_jobs.into(), arguments.small_particles),
         executor,
     };
     let served = runtime.block_on(async {

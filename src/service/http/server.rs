@@ -44,6 +44,8 @@ pub struct Options {
     pub config: Config,
     /// Wall time between checkpoints.
     pub checkpoint_every: Duration,
+    /// Jobs that a device may run beside another one, and the most particles that they may have.
+    pub small_jobs: (usize, u64),
     pub executor: Executor,
 }
 
@@ -119,7 +121,17 @@ pub async fn serve(
 ) -> Result<(), ServeError> {
     let tls = options.certificate.map(Tls::open).transpose()?.map(Arc::new);
     let Options {
-        listen, data_dir, database, files, insecure_no_auth, keep, config, checkpoint_every, executor, ..
+        listen,
+        data_dir,
+        database,
+        files,
+        insecure_no_auth,
+        keep,
+        config,
+        checkpoint_every,
+        small_jobs,
+        executor,
+        ..
     } = options;
     let mut data = DataDir::open(&data_dir)?;
     let store = match &database {
@@ -150,7 +162,9 @@ pub async fn serve(
     }
     let listener = TcpListener::bind(listen).await.map_err(|error| ServeError::Listen { address: listen, error })?;
     let address = listener.local_addr().map_err(ServeError::Serve)?;
-    let settings = Settings { limits: config.limits, checkpoint_every, ..Settings::default() };
+    let (small_jobs, small_particles) = small_jobs;
+    let settings =
+        Settings { limits: config.limits, checkpoint_every, small_jobs, small_particles, ..Settings::default() };
     let workers = Workers::start(store.clone(), data.clone(), settings, executor).await?;
     let housekeeper = tokio::spawn(keep_house(store.clone(), data.clone(), keep, room));
     let follower = tls.clone().map(|tls| tokio::spawn(tls.follow()));

@@ -27,8 +27,9 @@ use gridfall_core::sim::setup::Setup;
 use gridfall_engine::choice::Devices;
 use gridfall_engine::{Backend, Engine, EngineError};
 
-/// Where a worker gets its engines from. Created and used on the worker's own thread.
-pub trait EngineSource {
+/// Where a worker gets its engines from. Created on the worker's own thread, and used there and on those of its small
+/// jobs.
+pub trait EngineSource: Sync {
     /// Loads a problem on the device that suits it.
     fn engine(&self, setup: &Setup, particles: Particles) -> Result<Box<dyn Engine>, EngineError>;
 

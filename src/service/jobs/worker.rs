@@ -2,6 +2,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -30,6 +31,9 @@ pub struct Settings {
     pub heartbeat_every: Duration,
     /// How long a run may take to reach the end of its frame, where it saves its state, when it is to stop.
     pub grace: Duration,
+    /// Jobs that a device may run beside another one, and the most particles that they may have.
+    pub small_jobs: usize,
+    pub small_particles: u64,
 }
 
 impl Default for Settings {
@@ -39,6 +43,8 @@ impl Default for Settings {
             checkpoint_every: Duration::from_secs(30),
             heartbeat_every: Duration::from_millis(250),
             grace: Duration::from_secs(3),
+            small_jobs: 0,
+            small_particles: 20_000,
         }
     }
 }
@@ -213,18 +219,33 @@ impl Context {
     }
 
     fn work(self, worker: usize, open: OpenDevices) {
-        let mut devices: Option<Box<dyn EngineSource>> = None;
         while !self.shared.stopping() {
-            let Some(source) = &devices else {
-                devices = self.open_devices(worker, &open);
-                continue;
-            };
-            match self.runtime.block_on(self.store.claim(&self.owner)) {
+            let Some(source) = self.open_devices(worker, &open) else { continue };
+            let lost = AtomicBool::new(false);
+            // Small jobs leave most of a device idle: others run on it beside them.
+            std::thread::scope(|scope| {
+                for _ in 0..self.settings.small_jobs {
+                    scope.spawn(|| {
+                        super::yield_to_requests();
+                        self.work_off(source.as_ref(), self.settings.small_particles, &lost);
+                    });
+                }
+                self.work_off(source.as_ref(), u64::MAX, &lost);
+            });
+        }
+        self.shared.set_device(worker, DeviceState::Stopped);
+        self.shared.wake();
+    }
+
+    /// Runs jobs of no more than so many particles, one after the other, until the device is lost or the server stops.
+    fn work_off(&self, source: &dyn EngineSource, most_particles: u64, lost: &AtomicBool) {
+        while !self.shared.stopping() && !lost.load(Ordering::Relaxed) {
+            match self.runtime.block_on(self.store.claim_up_to(&self.owner, most_particles)) {
                 Ok(Some(claim)) => {
                     // There may be a job for another worker, too.
                     self.shared.wake();
-                    if self.run(&claim, source.as_ref()) == Afterwards::ReopenDevices {
-                        devices = None;
+                    if self.run(&claim, source) == Afterwards::ReopenDevices {
+                        lost.store(true, Ordering::Relaxed);
                     }
                 }
                 Ok(None) => {
@@ -237,8 +258,6 @@ impl Context {
                 }
             }
         }
-        self.shared.set_device(worker, DeviceState::Stopped);
-        self.shared.wake();
     }
 
     fn open_devices(&self, worker: usize, open: &OpenDevices) -> Option<Box<dyn EngineSource>> {

@@ -39,12 +39,18 @@ impl JobStore {
     /// Claims a job under a new lease: of the key whose turn it is, the one that has waited longest of those with the
     /// highest priority. Jobs whose workers are gone are among those that wait.
     pub async fn claim(&self, owner: &str) -> Result<Option<Claim>> {
+        self.claim_up_to(owner, u64::MAX).await
+    }
+
+    /// The same of the jobs with no more than so many particles.
+    pub async fn claim_up_to(&self, owner: &str, most_particles: u64) -> Result<Option<Claim>> {
+        let most = i64::try_from(most_particles).unwrap_or(i64::MAX);
         self.expire(|_| String::new()).await?;
         self.fail_overdue().await?;
         let now = self.clock.now();
         let mut tx = self.database.lock_queue().await?;
         for key in turns::next(&mut tx, &self.database, now).await? {
-            if let Some(claim) = self.claim_of(&mut tx, owner, &key, now).await? {
+            if let Some(claim) = self.claim_of(&mut tx, owner, (&key, most), now).await? {
                 tx.commit().await?;
                 return Ok(Some(claim));
             }
@@ -57,11 +63,11 @@ impl JobStore {
         &self,
         tx: &mut Transaction<'static, Any>,
         owner: &str,
-        key: &str,
+        (key, most_particles): (&str, i64),
         now: i64,
     ) -> Result<Option<Claim>> {
         let row: Option<ClaimRow> = sqlx::query_as(AssertSqlSafe(format!(
-            "UPDATE jobs SET {CLAIMED} WHERE seq = (SELECT seq FROM jobs {} WHERE status = 'queued' AND key_id = $4 \
+            "UPDATE jobs SET {CLAIMED} WHERE seq = (SELECT seq FROM jobs {} WHERE status = 'queued' AND key_id = $4 AND particles <= $5 \
                AND (deadline IS NULL OR deadline >= $3 OR attempt > 0) ORDER BY priority DESC, seq LIMIT 1 {}) \
              RETURNING id, attempt, deaths, (SELECT scene FROM job_scenes WHERE job_scenes.seq = jobs.seq) AS scene",
             self.database.along_queue(),
@@ -71,6 +77,7 @@ impl JobStore {
         .bind(now + LEASE_US)
         .bind(now)
         .bind(key)
+        .bind(most_particles)
         .fetch_optional(&mut **tx)
         .await?;
         Ok(row.map(|row| row.0))

@@ -291,3 +291,26 @@ pub fn frames_of(recording: &[u8]) -> u64 {
     let diagnostics = summary.channels.values().find(|channel| channel.topic == "/diagnostics").unwrap();
     statistics.channel_message_counts.get(&diagnostics.id).copied().unwrap_or(0)
 }
+
+#[test]
+fn small_jobs_run_beside_others_on_one_device() {
+    let dir = tempfile::tempdir().unwrap();
+    let alone = Server::start(&dir.path().join("alone"));
+    let job = alone.submit(medium());
+    alone.wait_for(&job, "succeeded");
+    let expected = alone.get(&format!("{job}/recording.mcap")).body;
+    let more = ["--adapter", "cpu", "--small-jobs", "2", "--small-particles", "64"];
+    let server = Server::start_with(&dir.path().join("beside"), &more);
+    let mut large = endless();
+    large["domain"]["dx"] = 0.03.into();
+    let first = server.submit(large.clone());
+    server.wait_for(&first, "running");
+    let second = server.submit(large);
+    let small: Vec<String> = (0..4).map(|_| server.submit(medium())).collect();
+    for job in &small {
+        server.wait_for(job, "succeeded");
+        assert!(server.get(&format!("{job}/recording.mcap")).body == expected, "what runs beside changes nothing");
+    }
+    assert_eq!((&server.job(&first)["status"], &server.job(&second)["status"]), (&json!("running"), &json!("queued")));
+    assert!(server.terminate().success());
+}
