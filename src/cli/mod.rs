@@ -122,6 +122,8 @@ enum CliError {
     Failed(String),
     /// The command could not start with this input.
     BadInput(String),
+    /// The command was told to stop, and is to end with this code.
+    Stopped(u8),
     /// A scene has faults.
     Faults { scene: String, faults: Vec<Fault> },
 }
@@ -130,6 +132,7 @@ impl CliError {
     fn exit_code(&self) -> ExitCode {
         match self {
             Self::Failed(_) => ExitCode::from(1),
+            Self::Stopped(code) => ExitCode::from(*code),
             Self::BadInput(_) | Self::Faults { .. } => ExitCode::from(2),
         }
     }
@@ -139,6 +142,7 @@ impl fmt::Display for CliError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Failed(message) | Self::BadInput(message) => write!(f, "error: {message}"),
+            Self::Stopped(_) => write!(f, "told to stop; the job goes on in another attempt"),
             Self::Faults { scene, faults } => {
                 let n = faults.len();
                 write!(f, "error: {scene} has {n} {}", if n == 1 { "fault" } else { "faults" })?;

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -21,8 +22,8 @@ const PATIENCE: Duration = Duration::from_secs(300);
 /// How long a frame may take to end when the process is to stop. Schedulers kill after 30 s.
 const GRACE: Duration = Duration::from_secs(25);
 
-/// Run one attempt at a job of a server: what a server with --executor slurm has its cluster start. On SIGTERM the
-/// state is saved, and the job goes back into the queue.
+/// Run one attempt at a job of a server: what a server with another --executor than local has its cluster start. On
+/// SIGTERM the state is saved, and the job goes back into the queue.
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// The job.
@@ -47,6 +48,9 @@ pub struct Arguments {
     /// Save the state this often (s).
     #[arg(long, default_value_t = 30.0, value_name = "SECONDS", value_parser = positive)]
     checkpoint_seconds: f64,
+    /// End with this code if told to stop, once the job is back in the queue: what it has the scheduler's record say.
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    stopped_code: u8,
     #[command(flatten)]
     devices: DeviceArguments,
     #[command(flatten)]
@@ -57,8 +61,14 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     arguments.logs.start()?;
     let runtime = runtime()?;
     let failed = |error: &dyn std::fmt::Display| CliError::Failed(error.to_string());
-    let status = runtime.block_on(async {
-        let stop = interrupt::requested().map_err(|error| failed(&error))?;
+    let (status, told) = runtime.block_on(async {
+        let requested = interrupt::requested().map_err(|error| failed(&error))?;
+        let told = Arc::new(AtomicBool::new(false));
+        let noted = told.clone();
+        let stop = async move {
+            requested.await;
+            noted.store(true, Ordering::Relaxed);
+        };
         let data = match &arguments.files {
             Some(files) => {
                 let objects =
@@ -92,16 +102,20 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
         {
             tracing::warn!(%error, folder = %folder.display(), "cannot remove the files of an attempt");
         }
-        ended.map(Some).or_else(|error| match error {
+        let status = ended.map(Some).or_else(|error| match error {
             // Another process has it, or nobody wants it any more.
             ProcessError::NotNeeded(_) => {
                 tracing::warn!("{error}");
                 Ok(None)
             }
             error => Err(failed(&error)),
-        })
+        })?;
+        Ok((status, told.load(Ordering::Relaxed)))
     })?;
     match status {
+        None | Some(Status::Queued) if told && arguments.stopped_code > 0 => {
+            Err(CliError::Stopped(arguments.stopped_code))
+        }
         // So that the scheduler's record says so, too.
         Some(Status::Failed) => Err(CliError::Failed(format!("job {} failed; see its log", arguments.job))),
         _ => Ok(()),

@@ -1,60 +1,18 @@
 //! The life of a job in Slurm: each of Slurm's states means one thing for the job.
 
-use std::process::Command;
 use std::thread::sleep;
 use std::time::Duration;
 
-use serde_json::{Value, json};
+use serde_json::json;
 
+use super::life::{half_way, log, long, signal, with_checkpoint};
 use super::support::{self, Server};
-use super::work::{compare, outputs, scenes};
+use super::work::{compare, scenes};
 use super::{cluster_job, guide, postgres, serve, serve_alone, slurm, undisturbed};
 
 /// Waits until Slurm has the job.
 fn in_slurm(server: &Server, job: &str) -> String {
     cluster_job(&server.wait_until(job, "a place in Slurm", |job| job["cluster_job"].is_string()))
-}
-
-/// Waits until an attempt has written a checkpoint.
-fn with_checkpoint(server: &Server, job: &str) {
-    server.wait_for_frames(job, 2);
-    let checkpoints = server.file(job, "checkpoints");
-    let found = || std::fs::read_dir(&checkpoints).is_ok_and(|mut files| files.next().is_some());
-    for _ in 0..500 {
-        if found() {
-            return;
-        }
-        sleep(Duration::from_millis(20));
-    }
-    panic!("no checkpoint in {}", checkpoints.display());
-}
-
-/// A job that has written a checkpoint, and what it leaves if nothing disturbs it.
-fn half_way(server: &Server) -> (String, Vec<(&'static str, Vec<u8>)>) {
-    let calm = server.submit(long());
-    server.wait_for(&calm, "succeeded");
-    let expected = outputs(server, &calm);
-    let job = server.submit(long());
-    with_checkpoint(server, &job);
-    (job, expected)
-}
-
-/// Sends a signal to the process of a job's first attempt. Returns false if there is none.
-pub fn signal(job: &str, signal: &str) -> bool {
-    let id = job.rsplit('/').next().unwrap();
-    let sent = Command::new("pkill").args([signal, "-f", &format!("worker.*--attempt 1 --job {id}")]).status();
-    sent.unwrap().success()
-}
-
-fn log(server: &Server, job: &str) -> String {
-    String::from_utf8(server.get(&format!("{job}/log")).body).unwrap()
-}
-
-/// A run of many frames, of some seconds, that ends with the same bytes wherever it is interrupted.
-pub fn long() -> Value {
-    let mut scene = scenes().remove(0);
-    scene["time"] = json!({ "end": 6.0, "frame_rate": 200 });
-    scene
 }
 
 #[test]
@@ -159,7 +117,7 @@ fn a_job_that_loses_its_place_goes_on_from_where_it_was() {
     assert_ne!(cluster_job(&ended), first);
     let told = log(&server, &job);
     assert!(told.contains("runs after frame"), "{told}");
-    compare(&server, &job, &expected);
+    compare(&server, &job, expected);
 }
 
 #[test]
@@ -175,10 +133,10 @@ fn a_process_that_has_lost_its_job_changes_nothing() {
     server.wait_until(&job, "a second attempt", |job| job["attempt"] == 2);
     assert!(signal(&job, "-CONT"));
     server.wait_for(&job, "succeeded");
-    compare(&server, &job, &expected);
+    compare(&server, &job, expected);
     for _ in 0..100 {
         if log(&server, &job).contains("attempt 1: ended after the job was taken from it") {
-            compare(&server, &job, &expected);
+            compare(&server, &job, expected);
             return;
         }
         sleep(Duration::from_millis(100));
@@ -210,7 +168,7 @@ fn a_node_that_goes_down_costs_no_job() {
     let ended = server.wait_for(&job, "succeeded");
     assert_eq!(ended["attempt"], 2, "{}", log(&server, &job));
     slurm.wait_for(&first, "CANCELLED");
-    compare(&server, &job, &expected);
+    compare(&server, &job, expected);
 }
 
 #[test]
@@ -223,7 +181,7 @@ fn a_database_that_is_away_for_a_while_costs_no_job() {
     sleep(Duration::from_secs(2));
     database.restart();
     server.wait_for(&job, "succeeded");
-    compare(&server, &job, &expected);
+    compare(&server, &job, expected);
 }
 
 #[test]

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::s3::S3;
 use super::support::Server;
 use super::work::{compare, outputs, scenes};
-use super::{postgres, slurm, slurm_jobs, undisturbed};
+use super::{life, postgres, slurm, undisturbed};
 
 /// The folders of processes in a node's folder.
 fn folders(scratch: &Path) -> Vec<PathBuf> {
@@ -40,10 +40,10 @@ fn nodes_need_no_shared_directory() {
         assert!(log.contains("was handed to Slurm") && log.contains("attempt 1 runs from the start"), "{log}");
     }
     // What is lost with its node goes on from where the storage has it.
-    let calm = server.submit(slurm_jobs::long());
+    let calm = server.submit(life::long());
     server.wait_for(&calm, "succeeded");
     let expected = outputs(&server, &calm);
-    let job = server.submit(slurm_jobs::long());
+    let job = server.submit(life::long());
     let with_checkpoint = |server: &Server, job: &str| {
         let folder = format!("slurm/jobs/{}", job.rsplit('/').next().unwrap());
         let saved = || s3.objects(&folder).iter().any(|(path, _)| path.ends_with("progress.json"));
@@ -52,7 +52,7 @@ fn nodes_need_no_shared_directory() {
     with_checkpoint(&server, &job);
     // Its frames are seen while it runs, and after the server has lost its folder.
     server.wait_until(&format!("{job}/frames"), "frames", |list| list["frames"].as_u64() > Some(0));
-    assert!(slurm_jobs::signal(&job, "-KILL"), "it runs");
+    assert!(life::signal(&job, "-KILL"), "it runs");
     assert_eq!(folders(&scratch).len(), 1);
     folders(&scratch).iter().for_each(|folder| fs::remove_dir_all(folder).unwrap());
     server.kill();
@@ -74,7 +74,7 @@ fn nodes_need_no_shared_directory() {
 }
 
 fn endless() -> Value {
-    let mut scene = slurm_jobs::long();
+    let mut scene = life::long();
     scene["time"]["end"] = 400.0.into();
     scene
 }

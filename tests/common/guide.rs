@@ -78,6 +78,8 @@ pub fn run(name: &str, blocks: &[(String, String)], package: &Path, environment:
     }
     let script = script(blocks);
     let folder = tempfile::tempdir().unwrap();
+    // What a reader has who has cloned the repository.
+    std::os::unix::fs::symlink(Path::new(ROOT).join("deploy"), folder.path().join("deploy")).unwrap();
     let program = Path::new(env!("CARGO_BIN_EXE_gridfall"));
     let (programs, python) = (program.parent().unwrap(), python());
     let interpreters = python.parent().unwrap();

@@ -132,6 +132,8 @@ pub const OWNED: &[(&str, &[&str])] = &[
     ("wgpu", &["src/engine/gpu/", "src/engine/explicit/gpu/", "src/engine/implicit/gpu/"]),
     ("axum", &["src/service/http/"]),
     ("sqlx", &["src/service/store/"]),
+    ("kube", &["src/service/jobs/cluster/"]),
+    ("k8s_openapi", &["src/service/jobs/cluster/"]),
     ("mcap", &["src/recording/"]),
     ("foxglove", &["src/recording/"]),
 ];

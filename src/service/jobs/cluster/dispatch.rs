@@ -1,9 +1,6 @@
 //! The dispatcher: offers the jobs that wait, and settles the offers that are over.
 
 use std::collections::{HashMap, VecDeque};
-use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
-use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -20,8 +17,6 @@ use crate::store::{Candidate, DataDir, Failure, JobStore, LEASE, Offer, OfferEnd
 const GATHER: Duration = Duration::from_millis(250);
 /// How long a process may take to end after its job.
 const LINGER: Duration = Duration::from_secs(60);
-/// Last bytes of a process's output that a failure quotes.
-const QUOTED: u64 = 600;
 /// Jobs that are canceled with one question.
 const CANCELED_TOGETHER: usize = 500;
 /// Refusals after which a round offers no more.
@@ -124,7 +119,7 @@ impl Dispatcher {
         let (mut over, mut held) = (Vec::new(), 0);
         for offer in &offers {
             let state = of(&offer.cluster_job, offer.id, offer.sweep).map(|seen| &seen.state);
-            let there = matches!(state, Some(State::Waiting(_) | State::Alive));
+            let there = matches!(state, Some(State::Waiting(_) | State::Starting(_) | State::Alive));
             let is_over = !there || is_over(offer, state);
             // What was displaced may be started once more.
             if there && (is_over || is_unwanted(offer)) || matches!(state, Some(State::Displaced(_))) {
@@ -135,7 +130,7 @@ impl Dispatcher {
                 continue;
             }
             held += 1;
-            if let Some(State::Waiting(reason)) = state {
+            if let Some(State::Waiting(reason) | State::Starting(reason)) = state {
                 self.tell(offer.id, &format!("it waits in {}: {reason}", self.cluster.name()));
             }
         }
@@ -172,7 +167,6 @@ impl Dispatcher {
     async fn settle(&mut self, offer: &Offer, state: Option<&State>) -> Result<(), StoreError> {
         let Some(end) = self.end(offer, state) else { return Ok(()) };
         let Some(status) = self.store.withdraw(offer, &end).await? else { return Ok(()) };
-        let output = self.cluster.output(&offer.cluster_job);
         if offer.status.is_terminal() {
             self.told.remove(&offer.id);
         } else if !matches!(end, OfferEnd::Passed) {
@@ -195,8 +189,7 @@ impl Dispatcher {
             self.ended(offer.id, status).await;
         }
         if !matches!(end, OfferEnd::Died(_)) {
-            // Nobody will want to read it.
-            let _ = std::fs::remove_file(output);
+            self.cluster.forget(&offer.cluster_job);
         }
         Ok(())
     }
@@ -211,7 +204,7 @@ impl Dispatcher {
                  scene smaller",
                 offer.attempt
             );
-            let said = tail(&self.cluster.output(job));
+            let said = self.cluster.last_words(job);
             if !said.is_empty() {
                 message = format!("{message}. It said last:\n{said}");
             }
@@ -221,7 +214,7 @@ impl Dispatcher {
             _ if offer.status.is_terminal() => OfferEnd::Interrupted,
             _ if offer.is_passed() => OfferEnd::Passed,
             Some(State::Canceled) => OfferEnd::Canceled,
-            Some(State::Waiting(_) | State::Alive | State::Displaced(_)) => OfferEnd::Interrupted,
+            Some(State::Waiting(_) | State::Starting(_) | State::Alive | State::Displaced(_)) => OfferEnd::Interrupted,
             Some(State::TimedOut) => OfferEnd::TimedOut(died("was not done when its time was up")),
             Some(State::Failed(word)) => OfferEnd::Died(died(&format!("ended as {word}"))),
             // It was told that its time was nearly up, and put the job back.
@@ -256,6 +249,7 @@ impl Dispatcher {
                     self.refusal = None;
                     self.note(&batch, &names).await?;
                 }
+                Err(error @ ClusterError::Away(_)) => return Err(error.into()),
                 Err(error) => {
                     // One of them may be in the way of the others, or they may be too many.
                     if let Some((first, second)) = batch.halves() {
@@ -357,17 +351,4 @@ impl Batch {
         let of = |jobs: &[Candidate]| Self { jobs: jobs.to_vec(), ..self.clone() };
         (!first.is_empty()).then(|| (of(first), of(second)))
     }
-}
-
-/// The last words of a process.
-fn tail(output: &Path) -> String {
-    let read = || -> io::Result<Vec<u8>> {
-        let mut file = File::open(output)?;
-        let length = file.metadata()?.len();
-        file.seek(SeekFrom::Start(length.saturating_sub(QUOTED)))?;
-        let mut bytes = Vec::new();
-        file.take(QUOTED).read_to_end(&mut bytes)?;
-        Ok(bytes)
-    };
-    String::from_utf8_lossy(&read().unwrap_or_default()).trim().to_owned()
 }

@@ -5,23 +5,36 @@
 //! what became of those that the scheduler had done with while the job had not.
 
 mod dispatch;
+mod kubernetes;
 mod slurm;
 
 use std::collections::HashMap;
-use std::path::PathBuf;
 use std::pin::Pin;
 
 pub use dispatch::Dispatcher;
+pub use kubernetes::{Kubernetes, KubernetesOptions};
 pub use slurm::{Slurm, SlurmOptions};
 
 use uuid::Uuid;
 
 use crate::store::Candidate;
 
-/// A request that was not met, with what the scheduler said.
+/// The time of an attempt (min): at least so much, and so many times what was foretold. It is doubled for each death
+/// without a newer checkpoint, up to so often.
+const LEAST_MINUTES: f64 = 10.0;
+const TIMES_FORETOLD: f64 = 4.0;
+const DOUBLED: i64 = 6;
+
+/// A request that was not met.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct ClusterError(pub String);
+pub enum ClusterError {
+    /// The scheduler does not want it; what it said.
+    #[error("{0}")]
+    Refused(String),
+    /// The scheduler does not answer, or has no time. It would say the same to all requests.
+    #[error("{0}")]
+    Away(String),
+}
 
 /// What became of an offer.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -29,6 +42,8 @@ pub enum State {
     /// It waits to be started, perhaps once more after the scheduler has taken back its place; the scheduler's word for
     /// what it waits for.
     Waiting(String),
+    /// It has a place and is about to run, or runs already; the scheduler's word for what it waits for.
+    Starting(String),
     /// It runs, or is about to end.
     Alive,
     /// Its process ended without an error.
@@ -76,6 +91,21 @@ pub struct Batch {
     pub deaths: i64,
 }
 
+impl Batch {
+    /// The time of an attempt (min).
+    fn minutes(&self) -> u64 {
+        let foretold = LEAST_MINUTES.max(TIMES_FORETOLD * self.estimate_s / 60.0);
+        let doubled = self.deaths.clamp(0, DOUBLED);
+        // About a year, where the foretold time makes no sense.
+        (foretold * f64::from(1 << doubled)).ceil().min(500_000.0) as u64
+    }
+}
+
+/// A name without what would disturb lists.
+fn printable(name: &str) -> String {
+    name.chars().filter(|c| !c.is_control() && *c != '|').take(80).collect()
+}
+
 /// The answer to a question to the scheduler.
 pub type Answer<'a, T> = Pin<Box<dyn Future<Output = Result<T, ClusterError>> + Send + 'a>>;
 
@@ -97,6 +127,9 @@ pub trait Cluster: Send + Sync {
     /// tells whether there is a scheduler.
     fn observe<'a>(&'a self, jobs: &'a [String]) -> Answer<'a, HashMap<String, Seen>>;
 
-    /// The file with what the process of an offer wrote.
-    fn output(&self, job: &str) -> PathBuf;
+    /// The last words of an offer's process, as far as they are known.
+    fn last_words(&self, job: &str) -> String;
+
+    /// Nobody will want to read what the process of an offer wrote.
+    fn forget(&self, job: &str);
 }

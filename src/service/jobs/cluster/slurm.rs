@@ -2,7 +2,9 @@
 
 use std::collections::HashMap;
 use std::ffi::OsStr;
-use std::path::PathBuf;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::Duration;
 
@@ -10,19 +12,16 @@ use tokio::io::AsyncWriteExt;
 use tokio::process::Command;
 use tokio::time::timeout;
 
-use super::{Answer, Batch, Cluster, ClusterError, Seen, State};
+use super::{Answer, Batch, Cluster, ClusterError, Seen, State, printable};
 
 /// How long one of Slurm's programs may take. They themselves wait for a controller that is away.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Jobs of an array where Slurm does not say how many it takes.
 const USUAL_ARRAY: usize = 1000;
-/// The time of an attempt (min): at least so much, and so many times what was foretold. It is doubled for each death
-/// without a newer checkpoint, up to so often.
-const LEAST_MINUTES: f64 = 10.0;
-const TIMES_FORETOLD: f64 = 4.0;
-const DOUBLED: i64 = 6;
 /// Before the end of its time a process is told so long (s), to save its state.
 const WARNING_S: u32 = 60;
+/// Last bytes of a process's output that a failure quotes.
+const QUOTED: u64 = 600;
 /// Options of `sbatch` that are Gridfall's.
 const OWN: [&str; 16] = [
     "--array",
@@ -75,20 +74,22 @@ impl Slurm {
         for option in &options.sbatch {
             let name = option.split('=').next().unwrap_or_default();
             if !name.starts_with("--") {
-                return Err(ClusterError(format!(
+                return Err(ClusterError::Refused(format!(
                     "--sbatch {option:?} is no long option; write it as sbatch takes it, such as --sbatch=--gres=gpu:1"
                 )));
             }
             if OWN.contains(&name) {
-                return Err(ClusterError(format!("--sbatch {option:?}: Gridfall gives {name} itself; leave it out")));
+                return Err(ClusterError::Refused(format!(
+                    "--sbatch {option:?}: Gridfall gives {name} itself; leave it out"
+                )));
             }
         }
         std::fs::create_dir_all(outputs(&options))
-            .map_err(|error| ClusterError(format!("{}: {error}", outputs(&options).display())))?;
+            .map_err(|error| ClusterError::Refused(format!("{}: {error}", outputs(&options).display())))?;
         let largest_array = match ask("scontrol", ["show", "config"]).await {
             Ok(config) => largest_array(&config).unwrap_or(USUAL_ARRAY),
             Err(Refusal::NotThere(error)) => {
-                return Err(ClusterError(format!(
+                return Err(ClusterError::Refused(format!(
                     "Slurm's programs are not to be found ({error}); install Slurm's client here and put it into PATH"
                 )));
             }
@@ -137,7 +138,7 @@ impl Slurm {
             format!("--signal=B:TERM@{WARNING_S}"),
         ];
         if std::env::var_os("SBATCH_TIMELIMIT").is_none() {
-            options.push(format!("--time={}", minutes(batch)));
+            options.push(format!("--time={}", batch.minutes()));
         }
         if is_array {
             options.push(format!("--array=0-{}", batch.jobs.len() - 1));
@@ -164,7 +165,9 @@ impl Cluster for Slurm {
             let said = run(sbatch, Some(self.script(batch))).await?;
             let job = said.trim().split(';').next().unwrap_or_default();
             if job.is_empty() || !job.bytes().all(|byte| byte.is_ascii_digit()) {
-                return Err(ClusterError(format!("sbatch said {said:?} where the number of a job was expected")));
+                return Err(ClusterError::Refused(format!(
+                    "sbatch said {said:?} where the number of a job was expected"
+                )));
             }
             Ok(match batch.jobs.len() {
                 1 => vec![job.to_owned()],
@@ -202,8 +205,13 @@ impl Cluster for Slurm {
         })
     }
 
-    fn output(&self, job: &str) -> PathBuf {
-        outputs(&self.options).join(format!("{job}.out"))
+    fn last_words(&self, job: &str) -> String {
+        tail(&output(&self.options, job))
+    }
+
+    fn forget(&self, job: &str) {
+        // It may have written nothing.
+        let _ = std::fs::remove_file(output(&self.options, job));
     }
 }
 
@@ -212,17 +220,21 @@ fn outputs(options: &SlurmOptions) -> PathBuf {
     if options.files.is_some() { options.folder.clone() } else { options.folder.join("cluster") }
 }
 
-/// The time of an attempt.
-fn minutes(batch: &Batch) -> u64 {
-    let foretold = LEAST_MINUTES.max(TIMES_FORETOLD * batch.estimate_s / 60.0);
-    let doubled = batch.deaths.clamp(0, DOUBLED);
-    // About a year, where the foretold time makes no sense.
-    (foretold * f64::from(1 << doubled)).ceil().min(500_000.0) as u64
+fn output(options: &SlurmOptions, job: &str) -> PathBuf {
+    outputs(options).join(format!("{job}.out"))
 }
 
-/// A name without what would disturb lists.
-fn printable(name: &str) -> String {
-    name.chars().filter(|c| !c.is_control() && *c != '|').take(80).collect()
+/// The end of a file; nothing where it cannot be read.
+fn tail(file: &Path) -> String {
+    let read = || -> io::Result<Vec<u8>> {
+        let mut file = File::open(file)?;
+        let length = file.metadata()?.len();
+        file.seek(SeekFrom::Start(length.saturating_sub(QUOTED)))?;
+        let mut bytes = Vec::new();
+        file.take(QUOTED).read_to_end(&mut bytes)?;
+        Ok(bytes)
+    };
+    String::from_utf8_lossy(&read().unwrap_or_default()).trim().to_owned()
 }
 
 /// Lines of `job|state|comment`, perhaps with `|reason`.
@@ -276,7 +288,7 @@ enum Refusal {
 impl From<Refusal> for ClusterError {
     fn from(refusal: Refusal) -> Self {
         match refusal {
-            Refusal::NotThere(error) | Refusal::Said(error) => Self(error),
+            Refusal::NotThere(error) | Refusal::Said(error) => Self::Refused(error),
         }
     }
 }

@@ -56,10 +56,10 @@ fn a_number_that_was_given_out_again_is_another_job() {
 
 #[test]
 fn the_time_of_an_attempt_follows_what_was_foretold() {
-    assert_eq!(minutes(&batch(1, 0, 3.0)), 10);
-    assert_eq!(minutes(&batch(1, 0, 3600.0)), 240);
-    assert_eq!(minutes(&batch(1, 2, 3600.0)), 960);
-    assert_eq!(minutes(&batch(1, 99, f64::INFINITY)), 500_000);
+    assert_eq!(batch(1, 0, 3.0).minutes(), 10);
+    assert_eq!(batch(1, 0, 3600.0).minutes(), 240);
+    assert_eq!(batch(1, 2, 3600.0).minutes(), 960);
+    assert_eq!(batch(1, 99, f64::INFINITY).minutes(), 500_000);
 }
 
 #[test]
@@ -101,7 +101,7 @@ fn the_size_of_arrays_is_read() {
 async fn options_that_are_gridfalls_are_refused() {
     let said = |option: &'static str| async move {
         let options = SlurmOptions { sbatch: vec![option.into()], ..slurm(&[]).options };
-        Slurm::new(options).await.unwrap_err().0
+        Slurm::new(options).await.unwrap_err().to_string()
     };
     assert!(said("--array=1-3").await.contains("leave it out"));
     assert!(said("-p gpu").await.contains("no long option"));
