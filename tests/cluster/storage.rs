@@ -6,10 +6,11 @@ use std::process::Stdio;
 
 use serde_json::{Value, json};
 
+use super::kubernetes::Kubernetes;
 use super::s3::S3;
 use super::support::Server;
 use super::work::{compare, outputs, scenes};
-use super::{life, postgres, slurm, undisturbed};
+use super::{life, on_kubernetes_by, postgres, slurm, undisturbed};
 
 /// The folders of processes in a node's folder.
 fn folders(scratch: &Path) -> Vec<PathBuf> {
@@ -71,6 +72,36 @@ fn nodes_need_no_shared_directory() {
     assert!(server.get(&format!("{job}/recording.mcap")).body.len() > 1000);
     server.wait_until(&job, "the end of the nodes' copies", |_| folders(&scratch).is_empty());
     assert_eq!(s3.check_published("slurm"), jobs.len() + 3);
+}
+
+#[test]
+fn containers_need_no_shared_volume() {
+    let (cluster, s3, dir) = (Kubernetes::start(), S3::start(), tempfile::tempdir().unwrap());
+    let scratch = dir.path().join("scratch");
+    fs::create_dir(&scratch).unwrap();
+    let expected = undisturbed(&dir.path().join("undisturbed"));
+    let mut command = cluster.command(env!("CARGO_BIN_EXE_gridfall"));
+    command.envs(s3.environment()).env("GRIDFALL_CLUSTER_SCRATCH", &scratch);
+    let change = |mut job: Value| {
+        let pod = &mut job["spec"]["template"]["spec"];
+        pod["volumes"] = json!([{ "name": "scratch", "emptyDir": {} }]);
+        let container = &mut pod["containers"][0];
+        container["volumeMounts"] = json!([{ "name": "scratch", "mountPath": scratch.display().to_string() }]);
+        let variables = container["env"].as_array_mut().unwrap();
+        variables.extend(s3.environment().map(|(name, value)| json!({ "name": name, "value": value })));
+        job
+    };
+    let (database, url) = (postgres::shared().database(), s3.url("kubernetes"));
+    let data_dir = dir.path().join("server");
+    let server = on_kubernetes_by(command, &cluster, &data_dir, &database, &["--files", &url], change);
+    let jobs: Vec<String> = scenes().into_iter().map(|scene| server.submit(scene)).collect();
+    for (job, expected) in jobs.iter().zip(&expected) {
+        server.wait_for(job, "succeeded");
+        compare(&server, job, expected);
+        let log = String::from_utf8(server.get(&format!("{job}/log")).body).unwrap();
+        assert!(log.contains("was handed to Kubernetes") && log.contains("attempt 1 runs from the start"), "{log}");
+    }
+    assert_eq!(s3.check_published("kubernetes"), jobs.len());
 }
 
 fn endless() -> Value {
