@@ -44,7 +44,7 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    Serve(serve::Arguments),
+    Serve(Box<serve::Arguments>),
     Worker(worker::Arguments),
     Keys(keys::Arguments),
     Init(init::Arguments),
@@ -66,7 +66,7 @@ enum Command {
 impl Command {
     fn execute(self) -> Result<(), CliError> {
         match self {
-            Self::Serve(arguments) => serve::execute(arguments),
+            Self::Serve(arguments) => serve::execute(*arguments),
             Self::Worker(arguments) => worker::execute(arguments),
             Self::Keys(arguments) => keys::execute(arguments),
             Self::Init(arguments) => init::execute(arguments),

@@ -104,9 +104,14 @@ fn fetch_checkpoints(
     objects: &Objects,
     watch: &Watch,
 ) -> Result<(), Stop> {
+    if claim.attempt == 1 {
+        return Ok(());
+    }
     let mut told = false;
-    while claim.attempt > 1 {
-        let Err(error) = context.runtime.block_on(objects.fetch_checkpoints(files, claim.attempt)) else { break };
+    loop {
+        let Err(error) = context.runtime.block_on(objects.fetch_checkpoints(files, claim.attempt)) else {
+            return Ok(());
+        };
         tracing::warn!(job = %claim.id, %error, "cannot fetch checkpoints; it is tried again");
         if !told {
             log::note(files, &format!("waits for what earlier attempts have left: {}", error.brief()));
@@ -117,7 +122,6 @@ fn fetch_checkpoints(
         }
         std::thread::sleep(RETRY);
     }
-    Ok(())
 }
 
 /// Takes the outputs to the object storage, however often that must be tried. What has ended another way by then is
