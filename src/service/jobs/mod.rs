@@ -108,6 +108,8 @@ pub enum DeviceState {
 #[derive(Debug)]
 pub struct Shared {
     wake: Notify,
+    /// For those that run small jobs only: they must not take the others' calls.
+    wake_small: Notify,
     /// When the workers were asked to stop.
     stop: OnceLock<Instant>,
     /// How long a run may then take to reach the end of its frame, where it saves its state.
@@ -123,6 +125,7 @@ impl Shared {
     pub fn new(workers: usize, grace: Duration) -> Self {
         Self {
             wake: Notify::new(),
+            wake_small: Notify::new(),
             stop: OnceLock::new(),
             grace,
             devices: Mutex::new(vec![(DeviceState::Opening, Vec::new()); workers]),
@@ -133,6 +136,7 @@ impl Shared {
     /// Tells a worker that there may be a new job.
     pub fn wake(&self) {
         self.wake.notify_one();
+        self.wake_small.notify_one();
     }
 
     /// Asks the workers to put their jobs back and to end.
@@ -141,7 +145,8 @@ impl Shared {
         let _ = self.stop.set(Instant::now());
         // One that is about to wait is woken by the next one's end.
         self.wake.notify_waiters();
-        self.wake.notify_one();
+        self.wake_small.notify_waiters();
+        self.wake();
     }
 
     /// The state of the workers' devices: that of the worker that is nearest to running a job.

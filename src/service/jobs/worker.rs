@@ -7,6 +7,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use tokio::runtime::Handle;
+use tokio::sync::Notify;
 use tokio::time::timeout;
 use uuid::Uuid;
 
@@ -227,10 +228,11 @@ impl Context {
                 for _ in 0..self.settings.small_jobs {
                     scope.spawn(|| {
                         super::yield_to_requests();
-                        self.work_off(source.as_ref(), self.settings.small_particles, &lost);
+                        let wake = &self.shared.wake_small;
+                        self.work_off(source.as_ref(), self.settings.small_particles, wake, &lost);
                     });
                 }
-                self.work_off(source.as_ref(), u64::MAX, &lost);
+                self.work_off(source.as_ref(), u64::MAX, &self.shared.wake, &lost);
             });
         }
         self.shared.set_device(worker, DeviceState::Stopped);
@@ -238,7 +240,7 @@ impl Context {
     }
 
     /// Runs jobs of no more than so many particles, one after the other, until the device is lost or the server stops.
-    fn work_off(&self, source: &dyn EngineSource, most_particles: u64, lost: &AtomicBool) {
+    fn work_off(&self, source: &dyn EngineSource, most_particles: u64, wake: &Notify, lost: &AtomicBool) {
         while !self.shared.stopping() && !lost.load(Ordering::Relaxed) {
             match self.runtime.block_on(self.store.claim_up_to(&self.owner, most_particles)) {
                 Ok(Some(claim)) => {
@@ -250,7 +252,7 @@ impl Context {
                 }
                 Ok(None) => {
                     // Leases run out without a wake-up call.
-                    let _ = self.runtime.block_on(async { timeout(IDLE, self.shared.wake.notified()).await });
+                    let _ = self.runtime.block_on(async { timeout(IDLE, wake.notified()).await });
                 }
                 Err(error) => {
                     tracing::error!(%error, "cannot claim a job");
@@ -258,6 +260,8 @@ impl Context {
                 }
             }
         }
+        // One that is about to wait is woken by the next one's end.
+        self.shared.wake();
     }
 
     fn open_devices(&self, worker: usize, open: &OpenDevices) -> Option<Box<dyn EngineSource>> {

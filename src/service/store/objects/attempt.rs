@@ -113,8 +113,8 @@ impl Publisher {
         Self { objects: objects.clone(), files: files.clone(), attempt, list }
     }
 
-    /// May be repeated, and goes on where it failed. Fails with [`ObjectsError::Taken`] if another process has published
-    /// the same attempt, and changes nothing of that.
+    /// May be repeated, and goes on where it failed. Fails with [`ObjectsError::Taken`] if another process has
+    /// published the same attempt, and changes nothing of that.
     pub async fn publish(&mut self) -> Result<()> {
         let (job, dir) = (self.files.id(), self.files.attempt(self.attempt).folder());
         let folder = self.list.folder(job, self.attempt);

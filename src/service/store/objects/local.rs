@@ -46,8 +46,8 @@ impl Turns {
 }
 
 impl Objects {
-    /// Makes the folder of an attempt that runs, or ran (`ended`), on another machine as it is there, as far as that was
-    /// told, with the outputs of these names, and the log. Files of attempts that run here are left alone.
+    /// Makes the folder of an attempt that runs, or ran (`ended`), on another machine as it is there, as far as that
+    /// was told, with the outputs of these names, and the log. Files of attempts that run here are left alone.
     pub async fn fetch(&self, files: &JobFiles, attempt: i64, ended: bool, names: &[&str]) -> Result<()> {
         let dir = files.attempt(attempt).folder();
         let known = known(&dir)?;
