@@ -19,7 +19,7 @@ PACKAGE = HERE / "src" / "gridfall"
 # What the client hands out, and with it all that these are made of.
 ANSWERS = ["Job", "JobList", "Sweep", "ValidScene", "KeptScene", "Asset", "DeviceList", "FrameList", "LibraryScene"]
 ANSWERS += ["Ready", "Fault", "SweepList", "SweepResults", "ValidSweep", "AssetList", "SceneList", "MaterialList"]
-ANSWERS += ["Changed", "Webhook", "AddedWebhook", "WebhookList", "DeliveryList"]
+ANSWERS += ["Changed", "Webhook", "AddedWebhook", "WebhookList", "DeliveryList", "OutputLinks"]
 # Places of the scene where one of several classes may stand.
 CHOICES = {"Shape": "ShapePart | Json", "Material": "MaterialPart | Json"}
 Schema = dict[str, Any]

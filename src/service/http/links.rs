@@ -36,7 +36,7 @@ fn hour() -> u32 {
 
 /// An output of a job, and where it is.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Link {
+pub struct OutputLink {
     #[schema(example = "recording.mcap")]
     name: String,
     bytes: u64,
@@ -46,8 +46,8 @@ pub struct Link {
 
 /// Links to the outputs of a job.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Links {
-    links: Vec<Link>,
+pub struct OutputLinks {
+    links: Vec<OutputLink>,
     #[schema(value_type = String, format = DateTime)]
     expires_at: Timestamp,
 }
@@ -57,7 +57,7 @@ pub struct Links {
 #[utoipa::path(get, path = "/v1/jobs/{id}/links", tag = "outputs", operation_id = "get_links",
     params(("id" = Uuid, Path), LinksQuery),
     responses(
-        (status = 200, body = Links),
+        (status = 200, body = OutputLinks),
         (status = 404, body = dto::Problem, content_type = PROBLEM,
             description = "`job_not_found`, `output_not_found`"),
         (status = 409, body = dto::Problem, content_type = PROBLEM,
@@ -90,11 +90,11 @@ pub async fn links(
     let mut links = Vec::new();
     for output in objects.outputs(id, job.attempt).await? {
         let url = output.signed(time).await?;
-        links.push(Link { name: output.name, bytes: output.bytes, url });
+        links.push(OutputLink { name: output.name, bytes: output.bytes, url });
     }
     if links.is_empty() {
         return Err(missing("output", job.status));
     }
-    let links = Links { links, expires_at: expires_at.unwrap_or(Timestamp::MAX) };
+    let links = OutputLinks { links, expires_at: expires_at.unwrap_or(Timestamp::MAX) };
     Ok(([(header::CACHE_CONTROL, "no-store")], Json(links)).into_response())
 }

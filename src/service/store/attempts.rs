@@ -68,7 +68,8 @@ impl JobStore {
     ) -> Result<Option<Claim>> {
         let row: Option<ClaimRow> = sqlx::query_as(AssertSqlSafe(format!(
             "UPDATE jobs SET {CLAIMED} WHERE seq = (SELECT seq FROM jobs {} WHERE status = 'queued' AND key_id = $4 \
-               AND particles <= $5 AND (deadline IS NULL OR deadline >= $3 OR attempt > 0) ORDER BY priority DESC, seq LIMIT 1 {}) \
+               AND particles <= $5 AND (deadline IS NULL OR deadline >= $3 OR attempt > 0) \
+               ORDER BY priority DESC, seq LIMIT 1 {}) \
              RETURNING id, attempt, deaths, (SELECT scene FROM job_scenes WHERE job_scenes.seq = jobs.seq) AS scene",
             self.database.along_queue(),
             self.database.skip_locked()

@@ -840,3 +840,32 @@ class DeliveryList(Part):
     deliveries: list[Delivery] = field(metadata=member(of="[Delivery]"))
     next_cursor: str | None = field(metadata=member())
     """Asks for the next page; null on the last one."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class OutputLink(Part):
+    """An output of a job, and where it is.
+
+    Fields:
+    - bytes
+    - name
+    - url: Anyone who has this can download the output until then, without a key.
+    """
+
+    bytes: int = field(metadata=member())
+    name: str = field(metadata=member())
+    url: str = field(metadata=member())
+    """Anyone who has this can download the output until then, without a key."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class OutputLinks(Part):
+    """Links to the outputs of a job.
+
+    Fields:
+    - expires_at
+    - links
+    """
+
+    expires_at: datetime = field(metadata=member(of="datetime"))
+    links: list[OutputLink] = field(metadata=member(of="[OutputLink]"))

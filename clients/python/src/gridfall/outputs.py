@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .download import download
 from .exchange import Call, Give, Manners, More, Talk, ask, open_stream
-from .models import FrameList, Job, Links
+from .models import FrameList, Job, OutputLinks
 from .recording import GrowingRecording, Recording
 from .requests import ENDS, PathLike, decoded, job_of, path
 from .result import Picture
@@ -69,13 +69,13 @@ def solver(manners: Manners, job: Job | str) -> Talk[NDArray[np.void]]:
     return table(decoded((yield from ask(manners, Call("GET", f"{path(job)}/solver"))))["rows"])
 
 
-def links(manners: Manners, job: Job | str, *, expires_s: int = 3600) -> Talk[Links]:
+def links(manners: Manners, job: Job | str, *, expires_s: int = 3600) -> Talk[OutputLinks]:
     """Links to the outputs of a job that has ended, for servers with an object storage. They need no key.
 
     - expires_s: how long they are good for (s), up to a week.
     """
     call = Call("GET", f"{path(job)}/links", params={"expires_s": expires_s})
-    return Links.from_dict(decoded((yield from ask(manners, call))))
+    return OutputLinks.from_dict(decoded((yield from ask(manners, call))))
 
 
 def log(manners: Manners, job: Job | str) -> Talk[str]:
