@@ -74,7 +74,7 @@ def links(manners: Manners, job: Job | str, *, expires_s: int = 3600) -> Talk[Ou
 
     - expires_s: how long they are good for (s), up to a week.
     """
-    call = Call("GET", f"{path(job)}/links", params={"expires_s": expires_s})
+    call = Call("GET", f"{path(job)}/links", params={"expires_s": str(expires_s)})
     return OutputLinks.from_dict(decoded((yield from ask(manners, call))))
 
 
