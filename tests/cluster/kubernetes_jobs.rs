@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 
 use super::kubernetes::{self, Kubernetes};
-use super::life::{half_way, log, long, signal, undisturbed_long, with_checkpoint};
+use super::life::{half_way, log, long, signal, sweep_of_seven, undisturbed_long, with_checkpoint};
 use super::support::{self, Server};
 use super::work::{compare, scenes};
 use super::{cluster_job, on_kubernetes, postgres, serve_alone, undisturbed};
@@ -72,11 +72,7 @@ fn kubernetes_runs_a_job_and_can_tell_whose_it_is() {
 fn a_sweep_is_a_job_each_with_its_label() {
     let (cluster, dir) = (Kubernetes::start(), tempfile::tempdir().unwrap());
     let server = start(&cluster, &dir);
-    let request = json!({ "name": "seven", "scene": support::short(), "grid": { "seed": [1, 2, 3, 4, 5, 6, 7] } });
-    let answer = server.post_json("/v1/sweeps", &request);
-    assert_eq!(answer.status, 202, "{}", String::from_utf8_lossy(&answer.body));
-    let path = answer.header("location").to_owned();
-    server.wait_until(&path, "the end of the sweep", |sweep| sweep["jobs"]["succeeded"] == 7);
+    let path = sweep_of_seven(&server);
     let id = path.rsplit('/').next().unwrap();
     let submitted = cluster.state().submitted.clone();
     let of_sweep = submitted.iter().filter(|job| job["metadata"]["labels"]["gridfall/sweep"] == id);

@@ -8,7 +8,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 
 use super::serve_alone;
-use super::support::Server;
+use super::support::{self, Server};
 use super::work::{outputs, scenes};
 
 /// Outputs of a job, by name.
@@ -65,4 +65,14 @@ pub fn long() -> Value {
     let mut scene = scenes().remove(0);
     scene["time"] = json!({ "end": 6.0, "frame_rate": 200 });
     scene
+}
+
+/// The path of a sweep of seven jobs, which have ended.
+pub fn sweep_of_seven(server: &Server) -> String {
+    let request = json!({ "name": "seven", "scene": support::short(), "grid": { "seed": [1, 2, 3, 4, 5, 6, 7] } });
+    let answer = server.post_json("/v1/sweeps", &request);
+    assert_eq!(answer.status, 202, "{}", String::from_utf8_lossy(&answer.body));
+    let path = answer.header("location").to_owned();
+    server.wait_until(&path, "the end of the sweep", |sweep| sweep["jobs"]["succeeded"] == 7);
+    path
 }

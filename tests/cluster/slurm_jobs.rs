@@ -3,9 +3,7 @@
 use std::thread::sleep;
 use std::time::Duration;
 
-use serde_json::json;
-
-use super::life::{half_way, log, long, signal, with_checkpoint};
+use super::life::{half_way, log, long, signal, sweep_of_seven, with_checkpoint};
 use super::support::{self, Server};
 use super::work::{compare, scenes};
 use super::{cluster_job, guide, postgres, serve, serve_alone, slurm, undisturbed};
@@ -44,11 +42,7 @@ fn slurm_runs_a_job_and_can_tell_whose_it_is() {
 fn a_sweep_is_an_array() {
     let (slurm, dir) = (slurm::shared(), tempfile::tempdir().unwrap());
     let server = serve(slurm, dir.path(), &postgres::shared().database(), &[]);
-    let request = json!({ "name": "seven", "scene": support::short(), "grid": { "seed": [1, 2, 3, 4, 5, 6, 7] } });
-    let answer = server.post_json("/v1/sweeps", &request);
-    assert_eq!(answer.status, 202, "{}", String::from_utf8_lossy(&answer.body));
-    let path = answer.header("location").to_owned();
-    server.wait_until(&path, "the end of the sweep", |sweep| sweep["jobs"]["succeeded"] == 7);
+    let path = sweep_of_seven(&server);
     let id = path.rsplit('/').next().unwrap();
     let jobs = server.get(&format!("/v1/jobs?sweep={id}&limit=10")).json();
     let mut arrays: Vec<String> = jobs["jobs"].as_array().unwrap().iter().map(cluster_job).collect();

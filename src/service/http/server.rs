@@ -97,16 +97,20 @@ async fn keep_house(store: JobStore, data: Arc<DataDir>, keep: Keep, room: u64) 
         if let Err(error) = retention::measure(&store, &data, &owner).await {
             tracing::warn!(%error, "cannot measure what jobs have left");
         }
-        if keep != Keep::default() && rounds.next() == Some(0) {
+        let tidies = rounds.next() == Some(0);
+        if tidies && keep != Keep::default() {
             match retention::tidy(&store, &data, keep).await {
                 Ok(0) => {}
                 Ok(jobs) => tracing::info!(jobs, "removed jobs that are not to be kept any longer"),
                 Err(error) => tracing::warn!(%error, "cannot remove jobs that are not to be kept any longer"),
             }
         }
-        let copies = data.clone();
-        if let Ok(Err(error)) = tokio::task::spawn_blocking(move || copies.make_room(room)).await {
-            tracing::warn!(%error, "cannot remove copies of what the object storage has");
+        if tidies {
+            // It looks at the folders of all jobs.
+            let copies = data.clone();
+            if let Ok(Err(error)) = tokio::task::spawn_blocking(move || copies.make_room(room)).await {
+                tracing::warn!(%error, "cannot remove copies of what the object storage has");
+            }
         }
         tokio::time::sleep(HOUSEKEEPING).await;
     }
