@@ -135,9 +135,7 @@ impl Watch {
     responses((status = 200, content_type = "text/plain", body = String)))]
 pub async fn log(State(api): State<Api>, JobId(id): JobId) -> Result<Response, Problem> {
     let job = api.store.get(id).await?.ok_or_else(|| Problem::job_not_found(id))?;
-    if job.attempt > 0 {
-        api.data.fetch(&job, &[]).await?;
-    }
+    api.data.fetch(&job, &[]).await?;
     let text = match tokio::fs::read(api.data.job(id).log()).await {
         Ok(text) => text,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),

@@ -76,7 +76,7 @@ pub async fn recording(
     if let Some(response) = file.send(&method, &headers).await? {
         return Ok(response);
     }
-    if let Some(remote) = remote(&api, id, attempt, "recording.mcap").await? {
+    if let Some(remote) = remote(&api, id, attempt, RECORDING).await? {
         return file.send_from(remote, &method, &headers);
     }
     if status.is_terminal() {

@@ -60,13 +60,15 @@ impl Api {
 
 async fn look(api: &Api, id: Uuid) -> Result<Option<View>, Problem> {
     let Some(job) = api.store.get(id).await? else { return Ok(None) };
-    // Those who watch are told of the log. They do not wait for it.
-    let (data, watched) = (api.data.clone(), job.clone());
-    tokio::spawn(async move {
-        if let Err(error) = data.fetch(&watched, &[]).await {
-            tracing::warn!(job = %id, %error, "cannot fetch what a job has come to on another machine");
-        }
-    });
+    if api.data.objects().is_some() {
+        // Those who watch are told of the log. They do not wait for it.
+        let (data, watched) = (api.data.clone(), job.clone());
+        tokio::spawn(async move {
+            if let Err(error) = data.fetch(&watched, &[]).await {
+                tracing::warn!(job = %id, %error, "cannot fetch what a job has come to on another machine");
+            }
+        });
+    }
     let log_bytes = tokio::fs::metadata(api.data.job(id).log()).await.map_or(0, |metadata| metadata.len());
     let body = serde_json::to_vec(&dto::Job::from(job.clone())).map_err(internal)?;
     let tag = version(&body).tag().to_owned();

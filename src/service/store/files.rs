@@ -148,8 +148,10 @@ impl DataDir {
     /// [`Objects::fetch`].
     pub async fn fetch(&self, job: &Job, names: &[&str]) -> Result<(), ObjectsError> {
         match &self.objects {
-            Some(objects) => objects.fetch(&self.job(job.id), job.attempt, job.status.is_terminal(), names).await,
-            None => Ok(()),
+            Some(objects) if job.attempt > 0 => {
+                objects.fetch(&self.job(job.id), job.attempt, job.status.is_terminal(), names).await
+            }
+            _ => Ok(()),
         }
     }
 

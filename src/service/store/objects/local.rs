@@ -79,7 +79,10 @@ impl Objects {
             if list.is_none() {
                 list = self.progress(files.id(), attempt).await?;
             }
-            let Some(list) = list.take() else { return Ok(()) };
+            let Some(list) = list.take() else {
+                *looked = Some(Instant::now());
+                return Ok(());
+            };
             match self.make(files, attempt, &list, |entry| is_wanted(entry, &names)).await {
                 // It has got on, or ended, since the list was read.
                 Err(error) if error.is_missing() && left > 0 => {}
