@@ -4,22 +4,23 @@ use crate::explicit::gpu as explicit;
 use crate::gpu::{Shader, Variant, WORKGROUP};
 use crate::implicit::gpu as implicit;
 
-/// All programs in all variants, those that a GPU runs; programs that come out the same in several
-/// variants are there once. Errors: what is wrong with a shader.
+/// All programs in samples of the variants that GPUs run; programs that come out the same in several are there once. Errors: what is wrong with a shader.
 pub fn programs() -> Result<Vec<Shader>, String> {
     let mut all: Vec<Shader> = Vec::new();
-    let mut names =
-        [explicit::stages::programs(), implicit::stages::programs(), implicit::linear::stages::programs()].concat();
-    names.sort_unstable();
-    names.dedup();
-    for variant in Variant::all() {
-        for name in &names {
+    let mut add = |mut names: Vec<&'static str>, variants: Vec<Variant>| -> Result<(), String> {
+        names.sort_unstable();
+        names.dedup();
+        for (variant, name) in variants.iter().flat_map(|v| names.iter().map(move |name| (*v, *name))) {
             let shader = Shader::new(name, variant, WORKGROUP).map_err(|e| format!("{name}: {e}"))?;
             if !all.iter().any(|known| known.wgsl == shader.wgsl && known.constants == shader.constants) {
                 all.push(shader);
             }
         }
-    }
+        Ok(())
+    };
+    add(explicit::stages::programs(), Variant::samples().collect())?;
+    let implicit = [implicit::stages::programs(), implicit::linear::stages::programs()].concat();
+    add(implicit, Variant::coarse_ones().collect())?;
     Ok(all)
 }
 

@@ -34,16 +34,16 @@ pub struct Compiled {
 }
 
 /// SPIR-V as wgpu 30 asks for it on a Vulkan 1.3 device with robust buffers, for modules that keep
-/// all runtime checks but the bound of loops and whose workgroup memory is not cleared.
+/// all runtime checks but the bound of loops, and perhaps of indices, and whose workgroup memory is not cleared.
 /// Capabilities are those that every device has.
-fn spirv_options() -> spv::Options<'static> {
+fn spirv_options(checked: bool) -> spv::Options<'static> {
     spv::Options {
         lang_version: (1, 6),
         flags: spv::WriterFlags::LABEL_VARYINGS | spv::WriterFlags::FORCE_POINT_SIZE,
         fake_missing_bindings: true,
         capabilities: Some([spv::Capability::Shader, spv::Capability::Matrix].into_iter().collect()),
         bounds_check_policies: BoundsCheckPolicies {
-            index: BoundsCheckPolicy::Restrict,
+            index: if checked { BoundsCheckPolicy::Restrict } else { BoundsCheckPolicy::Unchecked },
             buffer: BoundsCheckPolicy::Unchecked,
             image_load: BoundsCheckPolicy::Unchecked,
             binding_array: BoundsCheckPolicy::Unchecked,
@@ -54,12 +54,12 @@ fn spirv_options() -> spv::Options<'static> {
     }
 }
 
-fn hlsl_options() -> hlsl::Options {
+fn hlsl_options(checked: bool) -> hlsl::Options {
     hlsl::Options {
         shader_model: hlsl::ShaderModel::V6_0,
         fake_missing_bindings: true,
         zero_initialize_workgroup_memory: false,
-        restrict_indexing: true,
+        restrict_indexing: checked,
         force_loop_bounding: false,
         ..Default::default()
     }
@@ -77,8 +77,8 @@ pub fn compile(program: &Program) -> Result<Module, String> {
 
     let pipeline = spv::PipelineOptions { shader_stage: ShaderStage::Compute, entry_point: "main".into() };
     let spirv =
-        spv::write_vec(&module, &info, &spirv_options(), Some(&pipeline)).map_err(|e| format!("SPIR-V: {e}"))?;
-    let (mut text, options, pipeline) = (String::new(), hlsl_options(), Default::default());
+        spv::write_vec(&module, &info, &spirv_options(program.checked), Some(&pipeline)).map_err(|e| format!("SPIR-V: {e}"))?;
+    let (mut text, options, pipeline) = (String::new(), hlsl_options(program.checked), Default::default());
     hlsl::Writer::new(&mut text, &options, &pipeline).write(&module, &info, None).map_err(|e| format!("HLSL: {e}"))?;
 
     let binding = |(_, global): (_, &naga::GlobalVariable)| {

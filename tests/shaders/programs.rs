@@ -7,10 +7,12 @@ pub struct Program {
     pub wgsl: String,
     /// Values of override constants.
     pub constants: Vec<(&'static str, f64)>,
+    /// Whether indices into arrays are kept in range.
+    pub checked: bool,
 }
 
 /// All pipelines of all variants.
 pub fn programs() -> Vec<Program> {
     let all = gridfall_engine::programs::programs().unwrap_or_else(|e| panic!("{e}"));
-    all.into_iter().map(|s| Program { name: s.name, wgsl: s.wgsl, constants: s.constants }).collect()
+    all.into_iter().map(|s| Program { name: s.name, wgsl: s.wgsl, constants: s.constants, checked: s.checked }).collect()
 }

@@ -67,7 +67,7 @@ mod tests {
             "@group(0) @binding(0) var<storage, read_write> a: array<u32>;\nvar<workgroup> n: u32;\n\
              @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32) {{ {body} }}"
         );
-        Program { name: "planted".into(), wgsl, constants: vec![] }
+        Program { name: "planted".into(), wgsl, constants: vec![], checked: true }
     }
 
     #[test]

@@ -5,14 +5,14 @@ use std::mem::offset_of;
 use gridfall_core::sim::touch;
 use gridfall_core::sim::volume;
 use gridfall_engine::explicit::gpu::layout;
-use gridfall_engine::gpu::{Shader, Variant, WORKGROUP};
+use gridfall_engine::gpu::{Fills, Shader, Variant, WORKGROUP};
 use gridfall_engine::implicit::gpu::layout as implicit;
 use gridfall_engine::implicit::gpu::linear::layout as linear;
 use gridfall_engine::programs::programs;
 
 /// A program in one of its variants.
 fn parse(name: &str) -> naga::Module {
-    let variant = Variant::all().next().unwrap();
+    let variant = Variant::samples().last().unwrap();
     let shader = Shader::new(name, variant, WORKGROUP).unwrap_or_else(|e| panic!("{name}: {e}"));
     naga::front::wgsl::parse_str(&shader.wgsl).unwrap()
 }
@@ -42,9 +42,9 @@ macro_rules! twin {
 fn shared_structs_agree() {
     let m = parse("explicit/g2p2g");
     twin!(m, Params: blocks, particles, cells, dx, gravity, dt, pad, capacity, periodic, colliders, mass_scale,
-        momentum_scale, soft_shift, first_step, soft_demand, soft_growth, live, fills, cell_scale,
-        first_kick, last_kick, last_step, end_dt, fields, sided, resets, walls,
-        contacts);
+        momentum_scale, soft_shift, first_step, soft_demand, soft_growth, live, cell_scale,
+        first_kick, last_kick, last_step, end_dt, fields, sided, resets, spare, lowest,
+        spare0, highest, spare1, outer_low, spare2, outer_high, spare3, walls, contacts);
     twin!(m, Report: halt, error, error_particle, max_shift, max_speed, step, index, work_count, cursor, stale, needed,
         max_demand, isolated, finished, groups);
     twin!(m, Body: mass, volume, material, demand, rate, full, crowded, stiffness, damping, spacing, spare0, spare1);
@@ -52,7 +52,7 @@ fn shared_structs_agree() {
     twin!(m, SdfOp: r0, r1, r2, size, code, grid);
     twin!(m, Collider: first, count, kind, friction, slack, touches, spare0, spare1);
     twin!(m, Pose: r0, r1, r2, linear, angular, center);
-    twin!(m, Work: block, start, count, touched);
+    twin!(m, Work: block, start, count, touched, at, layer);
     let m = parse("implicit/boundary");
     twin!(m, implicit, Params: blocks, particles, cells, dx, gravity, dt, pad, capacity, periodic, colliders, room,
         stride, rows,
@@ -121,9 +121,9 @@ fn shared_constants_agree() {
         ("NODE_CHANNELS", layout::NODE_CHANNELS as u32),
         ("FILLED", (layout::BLOCK_NODES * (layout::NODE_CHANNELS - 1)) as u32),
         ("GRID_STRIDE", (layout::BLOCK_NODES * layout::NODE_CHANNELS) as u32),
-        ("FILLS_NOTHING", layout::FILLS_NOTHING),
-        ("FILLS_MASS", layout::FILLS_MASS),
-        ("FILLS_VOLUME", layout::FILLS_VOLUME),
+        ("FILLS_NOTHING", Fills::Nothing as u32),
+        ("FILLS_MASS", Fills::Mass as u32),
+        ("FILLS_VOLUME", Fills::Volume as u32),
     ] {
         assert_eq!(constant(&m, name), rust, "{name}");
     }

@@ -15,7 +15,7 @@ fn main(
     if (item >= report.groups[GROUPS_WORK] || lane >= 27u) {
         return;
     }
-    let b = block_beside(work[item].block, neighbour(lane));
+    let b = beside(work[item], neighbour(lane));
     if (b >= 0) {
         claim(u32(b));
     }

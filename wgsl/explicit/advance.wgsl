@@ -1,7 +1,7 @@
 // What one particle does between gather and scatter: its volume follows the fill, x ← x + dt v,
 // F ← (I + dt ∇v) F, with the guards of the step.
 //
-// uses explicit/transfer, explicit/fill, explicit/move
+// uses explicit/gather_*, explicit/fill, explicit/move, explicit/flags
 
 struct Advanced {
     ok: bool,
@@ -12,38 +12,34 @@ struct Advanced {
 }
 
 /// `to`: where it goes, as an offset in the old block.
-fn advance(corner: vec3<f32>, y: vec3<f32>, to: vec3<f32>, g: Gathered, before: Deformation, body: Body, id: u32,
-    dt: f32, principal: ptr<function, Principal>) -> Advanced {
+fn advance(corner: vec3<f32>, to: vec3<f32>, g: Gathered, before: Deformation, body: Body, material: Material, id: u32,
+    dt: f32, principal: ptr<function, Principal>, flags: ptr<function, Flags>) -> Advanced {
     var out: Advanced;
-    let material = materials[body.material];
     let growth = g.gradient * (dt / params.dx);
     var state = before;
-    if (body.full > 0.0) {
-        state = relaxed(before, material.model, body, dt, growth, fill_around(corner, y));
+    if (FILLS != FILLS_NOTHING && body.full > 0.0) {
+        state = relaxed(before, material.model, body, dt, growth, fill_of(g.fill));
     }
     let move_cells = g.v * (dt / params.dx);
-    let farthest = max(max(abs(move_cells.x), abs(move_cells.y)), abs(move_cells.z));
+    let farthest = max_entry(move_cells);
     out.state = deform(state, material, growth, principal);
     let size = select(norm2(out.state.F), abs(out.state.J), material.model == FLUID);
     // Written so that NaN fails the test: on Vulkan x != x is not reliable.
     if (!(farthest + size < 1e30)) {
-        fail(ERROR_NAN, id);
+        note(flags, ERROR_NAN, id);
         return out;
     }
     if (farthest >= 1.0) {
-        fail(ERROR_CFL, id);
+        note(flags, ERROR_CFL, id);
         return out;
     }
-    atomicMax(&report.max_shift, bitcast<u32>(farthest));
-    let entries = max(abs(growth[0]), max(abs(growth[1]), abs(growth[2])));
-    if (farthest > params.soft_shift || max(entries.x, max(entries.y, entries.z)) > params.soft_growth) {
-        atomicOr(&report.halt, HALT_REPLAN);
-    }
+    (*flags).farthest = max((*flags).farthest, farthest);
+    let entries = max(max_entry(growth[0]), max(max_entry(growth[1]), max_entry(growth[2])));
+    (*flags).replan = (*flags).replan || farthest > params.soft_shift || entries > params.soft_growth;
     out.y = to;
-    let x = corner + out.y + SHIFT;
-    let outside = (x < vec3<f32>(-1.0)) | (x > params.cells + 1.0);
-    if (any(outside & (params.periodic == vec3<u32>(0u)))) {
-        fail(ERROR_DOMAIN, id);
+    let x = corner + out.y;
+    if (any((x < params.outer_low) | (x > params.outer_high))) {
+        note(flags, ERROR_DOMAIN, id);
     }
     out.shift = vec3<i32>(floor(out.y * 0.25));
     // Just below a block's edge the offset can round up to 4.

@@ -3,6 +3,8 @@
 //
 // uses explicit/reactions, shared/distance, shared/kernel_*
 
+override COLLIDERS: bool = true;
+
 /// What is left of a node's velocity, and of its room, as if surfaces were planes.
 struct Met { v: vec3<f32>, room: f32 }
 

@@ -2,7 +2,7 @@
 // there, and how the volume of fluids and loose grains follows it. Twins:
 // src/engine/explicit/cpu/fill.rs, src/core/sim/volume.rs.
 //
-// uses explicit/tile, explicit/share, explicit/room, shared/state
+// uses explicit/layout, shared/state
 
 /// What the particle's ∇v adds to its body's rate, as a share of itself.
 const STIRRED: f32 = 0.3;
@@ -15,36 +15,10 @@ const FULLEST: f32 = 1.25;
 /// Excess over full at which grains are corrected in full; below, in proportion.
 const GRADUAL: f32 = 0.02;
 
-/// The fill of a particle in the block whose corner is at `corner` (cells).
-fn fill_around(corner: vec3<f32>, y: vec3<f32>) -> f32 {
-    let s = stencil(y);
-    let x = corner + y + SHIFT;
-    // Beyond, nodes of the particle have all their room.
-    let close = (x < vec3<f32>(ROOM_REACH)) | (x > params.cells - ROOM_REACH);
-    let near = any(close & (params.periodic == vec3<u32>(0u)));
-    var filled = 0.0;
-    var room = 0.0;
-    for (var grid = 0u; grid < GRIDS; grid++) {
-        var free = s.w[grid];
-        if (near) {
-            for (var i = 0u; i < NODES; i++) {
-                let node = corner + vec3<f32>(s.base[grid] + vec3<i32>(i32(i))) + node_offset(grid);
-                free[i] *= inside_walls(node);
-            }
-        }
-        for (var k = 0u; k < NODES; k++) {
-            for (var j = 0u; j < NODES; j++) {
-                for (var i = 0u; i < NODES; i++) {
-                    let n = s.base[grid] + vec3<i32>(vec3<u32>(i, j, k));
-                    let node = unpacked(fill_tile[read_place(grid, n)]);
-                    filled += s.w[grid][i].x * s.w[grid][j].y * s.w[grid][k].z * node.filled;
-                    room += free[i].x * free[j].y * free[k].z * node.room;
-                }
-            }
-        }
-    }
-    // A particle behind a surface counts as one on it: half of its room on every axis.
-    return GRID_SHARE * filled / max(GRID_SHARE * room, 0.125);
+/// The fill of a particle from what it gathered. One behind a surface counts as one on it: half of its room on every
+/// axis.
+fn fill_of(gathered: vec2<f32>) -> f32 {
+    return gathered.x / max(gathered.y, 0.125);
 }
 
 /// The state a little towards that of which the fill tells: J of a fluid, the volumetric strain of
@@ -71,7 +45,7 @@ fn relaxed(state: Deformation, model: u32, body: Body, dt: f32, growth: mat3x3<f
 /// Cells that a particle fills in the sums of rest volumes, if there are any. What a solid has lost of its volume is
 /// room for others.
 fn filled_cells(state: Deformation, model: u32, body: Body) -> f32 {
-    if (params.fills != FILLS_VOLUME) {
+    if (FILLS != FILLS_VOLUME) {
         return 0.0;
     }
     var kept = 1.0;

@@ -60,12 +60,13 @@ fn main(
     if (item == 0u && lane == 0u && job.count > 0u) {
         report.finished = 1u;
     }
-    let corner = block_corner(job.block);
-    open_gather(job.block, lane);
+    let corner = block_corner(job.at);
+    open_gather(job, lane);
     workgroupBarrier();
     load_nodes(lane);
     workgroupBarrier();
     let accompanied = is_accompanied(job.block);
+    var flags = no_flags();
     for (var i = lane; i < job.count; i += WORKGROUP) {
         let to = job.start + i;
         let from_ = list[to];
@@ -73,16 +74,16 @@ fn main(
         let id = packed.w;
         let y = bitcast<vec3<f32>>(packed.xyz);
         let body = bodies[body_of[id]];
-        let material = materials[body.material];
+        let material = material_of(body);
         var g = gather(y);
         var principal: Principal;
         let before = load_deformation(from_, material.model);
         var at = moved(corner, y, g.v * (params.end_dt / params.dx));
-        if (job.touched != 0u) {
+        if (TOUCHES && job.touched != 0u) {
             at = touched_offset(to);
             g.v += touched_kick(to);
         }
-        var next = advance(corner, y, at, g, before, body, id, params.end_dt, &principal);
+        var next = advance(corner, at, g, before, body, material, id, params.end_dt, &principal, &flags);
         if (next.ok && params.resets != 0u && !accompanied && is_alone(y, body.mass)) {
             atomicAdd(&report.isolated, 1u);
             next.state.F = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
@@ -90,9 +91,9 @@ fn main(
             principal = decompose(next.state, material.model);
             g.B = times_moment(rotation_of(g.B, next.local), next.local);
         }
-        let block = block_beside(job.block, next.shift);
+        let block = beside(job, next.shift);
         if (block < 0) {
-            fail(ERROR_DOMAIN, id);
+            note(&flags, ERROR_DOMAIN, id);
         }
         frame_position[id] = vec4<u32>(bitcast<vec3<u32>>(next.local), u32(max(block, 0)));
         for (var k = 0u; k < 3u; k++) {
@@ -109,4 +110,6 @@ fn main(
         let c = times_inverse_moment(g.B, next.local);
         atomicMax(&report.max_speed, bitcast<u32>(length(g.v) + 1.7320508 * sqrt(norm2(c))));
     }
+    atomicMax(&report.max_shift, bitcast<u32>(flags.farthest));
+    tell(flags);
 }

@@ -6,7 +6,10 @@
 // One workgroup a work item, one lane a particle at a time; sums are integers in workgroup memory,
 // then in the grid.
 //
-// uses explicit/advance, explicit/state_io, explicit/touched
+// unchecked: first_read and first_sum keep particles' nodes inside of the tiles
+// uses explicit/advance, explicit/scatter_*, explicit/state_io, explicit/touched
+
+var<workgroup> farthest: atomic<u32>; // of all particles (cells, f32 bits)
 
 @compute @workgroup_size(WORKGROUP)
 fn main(
@@ -16,12 +19,17 @@ fn main(
 ) {
     let item = group_index(group, groups);
     let job = job_of(item);
-    let corner = block_corner(job.block);
-    open_gather(job.block, lane);
-    open_scatter(job.block, lane);
+    let corner = block_corner(job.at);
+    open_gather(job, lane);
+    open_scatter(job, lane);
+    if (lane == 0u) {
+        atomicStore(&farthest, 0u);
+    }
     workgroupBarrier();
     load_nodes(lane);
     workgroupBarrier();
+    var flags = no_flags();
+    let next_kick = kick(report.index + 1u) / params.dx;
     for (var i = lane; i < job.count; i += WORKGROUP) {
         let to = job.start + i;
         let from_ = list[to];
@@ -29,31 +37,30 @@ fn main(
         let id = packed.w;
         let y = bitcast<vec3<f32>>(packed.xyz);
         let body = bodies[body_of[id]];
-        let material = materials[body.material];
+        let material = material_of(body);
         let g = gather(y);
         var principal: Principal;
         var at = moved(corner, y, g.v * (params.dt / params.dx));
         var kicked = g.v;
-        if (job.touched != 0u) {
+        if (TOUCHES && job.touched != 0u) {
             at = touched_offset(to);
             kicked += touched_kick(to);
         }
-        let next = advance(corner, y, at, g, load_deformation(from_, material.model), body, id, params.dt, &principal);
+        let next = advance(corner, at, g, load_deformation(from_, material.model), body, material, id, params.dt,
+            &principal, &flags);
         var destination = vec2<u32>(0xffffffffu, 0u);
         if (next.ok) {
             let stress = kirchhoff(next.state, principal, material, g.gradient * (1.0 / params.dx));
-            if (stress.stiffening * body.demand > params.soft_demand) {
-                atomicOr(&report.halt, HALT_REPLAN);
-            }
-            let impulse = stress.tau * (body.volume * kick(report.index + 1u) / params.dx);
+            flags.replan = flags.replan || stress.stiffening * body.demand > params.soft_demand;
+            let impulse = stress.tau * (body.volume * next_kick);
             let cells = filled_cells(next.state, material.model, body);
             if (!scatter(id, next.y, body.mass, cells, kicked, g.B, impulse)) {
-                fail(ERROR_NAN, id);
+                note(&flags, ERROR_NAN, id);
             }
             let n = vec3<u32>(next.shift + vec3<i32>(1));
-            let neighbour = n.x + 3u * n.y + 9u * n.z;
+            let neighbour = min(n.x + 3u * n.y + 9u * n.z, 26u);
             if (slots_out[neighbour] == 0u) {
-                fail(ERROR_DOMAIN, id);
+                note(&flags, ERROR_DOMAIN, id);
             } else {
                 destination = vec2<u32>(neighbour, atomicAdd(&bin_counts[neighbour], 1u));
             }
@@ -62,12 +69,18 @@ fn main(
         store_deformation(to, material.model, next.state);
         destinations[to] = destination;
     }
+    // A comparison by bits orders numbers that are not negative.
+    atomicMax(&farthest, bitcast<u32>(flags.farthest));
+    tell(flags);
     workgroupBarrier();
+    if (lane == 0u) {
+        atomicMax(&report.max_shift, atomicLoad(&farthest));
+    }
     flush_tile(lane);
-    for (var i = lane; i < 27u; i += WORKGROUP) {
-        let arrivals = atomicLoad(&bin_counts[i]);
+    if (lane < 27u) {
+        let arrivals = atomicLoad(&bin_counts[lane]);
         if (arrivals != 0u) {
-            bin_bases[i] = atomicAdd(&bins[slots_out[i] - 1u], arrivals);
+            bin_bases[lane] = atomicAdd(&bins[slots_out[lane] - 1u], arrivals);
         }
     }
     workgroupBarrier();

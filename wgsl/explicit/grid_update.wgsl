@@ -5,14 +5,15 @@
 // One workgroup an active block; each node is read and written by one lane: its own or, near a
 // sticky wall, that of the node that owns its group.
 //
-// uses explicit/node, explicit/share, explicit/walls, explicit/collide
+// unchecked: lanes index their own images, surfaces are below SHARED_SURFACES
+// uses explicit/node, explicit/share, explicit/room, explicit/walls, explicit/collide
 
 /// Asks for a coarser scale, or fails, if a sum comes near the end of its range.
 fn check_range(sum: i32, halt: u32) {
-    if (sum > HARD_LIMIT) {
-        fail(ERROR_RANGE, 0xfffffffeu);
-    }
     if (sum > SOFT_LIMIT) {
+        if (sum > HARD_LIMIT) {
+            fail(ERROR_RANGE, 0xfffffffeu);
+        }
         atomicOr(&report.halt, halt);
     }
 }
@@ -20,7 +21,7 @@ fn check_range(sum: i32, halt: u32) {
 /// Cells that are filled at a node.
 fn filled(at: u32) -> f32 {
     var sum = grid_in[at];
-    if (params.fills == FILLS_VOLUME) {
+    if (FILLS == FILLS_VOLUME) {
         sum = grid_in[at + FILLED];
         sum = select(sum, -1 - sum, sum < 0);
         check_range(sum, HALT_MASS);
@@ -28,8 +29,8 @@ fn filled(at: u32) -> f32 {
     return f32(sum) / params.cell_scale;
 }
 
-/// Velocity before contact, and mass as fixed-point momentum per velocity.
-fn free(at: u32) -> vec4<f32> {
+/// Velocity before contact, and mass as fixed-point momentum per velocity. `gain`: of this step's forces (m/s).
+fn free(at: u32, gain: vec3<f32>) -> vec4<f32> {
     let mass = grid_in[at];
     if (mass <= 0) {
         return vec4<f32>(0.0);
@@ -37,15 +38,15 @@ fn free(at: u32) -> vec4<f32> {
     let p = vec3<i32>(grid_in[at + CHANNEL], grid_in[at + 2u * CHANNEL], grid_in[at + 3u * CHANNEL]);
     check_range(max(max(abs(p.x), abs(p.y)), abs(p.z)), HALT_MOMENTUM);
     check_range(mass, HALT_MASS);
-    let v = (vec3<f32>(p) / f32(mass)) * (params.mass_scale / params.momentum_scale)
-        + params.gravity * kick(report.index);
-    return vec4<f32>(v, f32(mass) * (params.momentum_scale / params.mass_scale));
+    let unit = params.mass_scale / params.momentum_scale;
+    let v = vec3<f32>(p) * (unit / f32(mass)) + gain;
+    return vec4<f32>(v, f32(mass) / unit);
 }
 
 fn finish(at: u32, n: vec3<i32>, grid: u32, node: vec4<f32>, slot: u32) {
     var met = Met(node.xyz, 1.0);
     // Nodes without mass have room, too.
-    if (params.colliders > 0u && (node.w > 0.0 || params.fills != FILLS_NOTHING)) {
+    if (COLLIDERS && (node.w > 0.0 || FILLS != FILLS_NOTHING)) {
         let x = vec3<f32>(n) + vec3<f32>(node_offset(grid));
         // The sides of plates are told by `join`.
         let beyond = params.sided != 0u && grid_in[at + FILLED] < 0;
@@ -54,8 +55,13 @@ fn finish(at: u32, n: vec3<i32>, grid: u32, node: vec4<f32>, slot: u32) {
     grid_in[at + CHANNEL] = bitcast<i32>(met.v.x);
     grid_in[at + 2u * CHANNEL] = bitcast<i32>(met.v.y);
     grid_in[at + 3u * CHANNEL] = bitcast<i32>(met.v.z);
-    if (params.fills != FILLS_NOTHING) {
-        grid_in[at + FILLED] = bitcast<i32>(packed_fill(NodeFill(filled(at), met.room)));
+    if (FILLS != FILLS_NOTHING) {
+        var room = met.room;
+        if (WALLS_HELD || WALLS_STICKY) {
+            let inside = inside_walls(vec3<f32>(n) + vec3<f32>(node_offset(grid)));
+            room *= inside.x * inside.y * inside.z;
+        }
+        grid_in[at + FILLED] = bitcast<i32>(packed_fill(NodeFill(filled(at), room)));
     }
 }
 
@@ -84,14 +90,15 @@ fn walls_of_axis(group: Group, a: u32, first: u32, slot: u32) {
     }
 }
 
-fn update(slot: u32, lane: u32) {
-    let block = blocks_in[slot + 1u];
-    let first_block = layer(block);
-    let corner = 4 * block_coordinates(block) - params.pad;
-    let n = corner + vec3<i32>(vec3<u32>(lane & 3u, (lane >> 2u) & 3u, lane >> 4u));
+/// By groups, which beyond the reach of sticky walls are of one node. `near`: whether the block is within it.
+fn update_groups(slot: u32, n: vec3<i32>, lane: u32, gain: vec3<f32>, near: bool) {
+    let first_block = layer(blocks_in[slot + 1u]);
     let first = lane * MOST_IMAGES;
     for (var grid = 0u; grid < GRIDS; grid++) {
-        let group = group_of(n, grid);
+        var group = single(n, grid);
+        if (near) {
+            group = group_of(n, grid);
+        }
         if (!group.owned) {
             continue;
         }
@@ -100,7 +107,7 @@ fn update(slot: u32, lane: u32) {
                 let at = place_of(first_block, image_node(group, k), image_grid(group, k));
                 images[first + k] = vec4<f32>(0.0);
                 if (at != NOWHERE) {
-                    images[first + k] = free(at);
+                    images[first + k] = free(at, gain);
                 }
             }
         }
@@ -119,6 +126,20 @@ fn update(slot: u32, lane: u32) {
     }
 }
 
+/// One by one.
+fn update_alone(slot: u32, n: vec3<i32>, lane: u32, gain: vec3<f32>) {
+    for (var grid = 0u; grid < GRIDS; grid++) {
+        let at = (slot * GRIDS + grid) * GRID_STRIDE + lane;
+        var node = free(at, gain);
+        if (WALLS_HELD) {
+            for (var a = 0u; a < 3u; a++) {
+                node = vec4<f32>(held(node.xyz, a, n[a], node.w, slot), node.w);
+            }
+        }
+        finish(at, n, grid, node, slot);
+    }
+}
+
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) id: vec3<u32>,
@@ -126,11 +147,23 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let slot = group_index(id, count);
-    open_reactions(lane);
-    workgroupBarrier();
-    if (slot < report.groups[GROUPS_BLOCKS_IN]) {
-        update(slot, lane);
+    let reacts = COLLIDERS || WALLS_HELD || WALLS_STICKY;
+    if (reacts) {
+        open_reactions(lane);
     }
     workgroupBarrier();
-    flush_reactions(slot, lane);
+    if (slot < report.groups[GROUPS_BLOCKS_IN]) {
+        let corner = 4 * block_coordinates(blocks_in[slot + 1u]) - params.pad;
+        let n = corner + vec3<i32>(vec3<u32>(lane & 3u, (lane >> 2u) & 3u, lane >> 4u));
+        let gain = params.gravity * kick(report.index);
+        if (WALLS_STICKY) {
+            update_groups(slot, n, lane, gain, is_near_sticky(corner));
+        } else {
+            update_alone(slot, n, lane, gain);
+        }
+    }
+    workgroupBarrier();
+    if (reacts) {
+        flush_reactions(slot, lane);
+    }
 }

@@ -57,7 +57,7 @@ fn together(members: u32, n: vec3<i32>, grid: u32, beyond: bool) {
         grid_in[at + CHANNEL] = own.x;
         grid_in[at + 2u * CHANNEL] = own.y;
         grid_in[at + 3u * CHANNEL] = own.z;
-        if (params.fills != FILLS_NOTHING) {
+        if (FILLS != FILLS_NOTHING) {
             grid_in[at + FILLED] = select(volume, -1 - volume, beyond);
         }
     }

@@ -30,7 +30,6 @@ struct Params {
     soft_demand: f32,        // demand of a material (1/s²) above which the host plans smaller steps
     soft_growth: f32,        // entry of dt ∇v above which it does
     live: u32,               // particles that there are
-    fills: u32,              // FILLS_*
     cell_scale: f32,         // fixed-point units, of what FILLS_* names, per cell that is filled
     first_kick: f32,         // time over which forces act before the motion of step 0 (s)
     last_kick: f32,          // and before that of `last_step` (s); all others: dt
@@ -39,6 +38,16 @@ struct Params {
     fields: u32,             // layers of the block table: bodies with contact of their own, and one; or sides
     sided: u32,              // 1 if layers are sides of plates
     resets: u32,             // 1 if g2p resets particles that are alone
+    spare: u32,
+    // In y, from the domain's corner (cells):
+    lowest: vec3<f32>,       // where the planes of sticky walls stop particles
+    spare0: u32,
+    highest: vec3<f32>,
+    spare1: u32,
+    outer_low: vec3<f32>,    // beyond which particles have left the domain
+    spare2: u32,
+    outer_high: vec3<f32>,
+    spare3: u32,
     walls: array<vec4<f32>, 6>, // x-, x+, y-, y+, z-, z+: contact kind, friction, unused, unused
     contacts: array<vec4<f32>, MOST_FIELDS>, // by field: contact kind, friction, kg of a full node, unused
 }
@@ -63,7 +72,8 @@ struct Report {
 
 // A run of particles of one block, the work of one workgroup.
 // touched: 1 if contact has left something for its particles (explicit/touched).
-struct Work { block: u32, start: u32, count: u32, touched: u32 }
+// at: coordinates of the block; layer: first block of its layer of the table.
+struct Work { block: u32, start: u32, count: u32, touched: u32, at: vec3<i32>, layer: u32 }
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> report: Report;
@@ -96,6 +106,10 @@ struct Work { block: u32, start: u32, count: u32, touched: u32 }
 @group(0) @binding(27) var<storage, read_write> touches: array<u32>; // by id, channel-major: holds, radius, stretch
 
 override WORKGROUP: u32 = 64u;
+/// How a node's share of filled cells is known.
+override FILLS: u32 = 2u;
+/// Whether some collider acts on particles.
+override TOUCHES: bool = true;
 
 // Channels of a block's nodes in `grid_*`: mass, momentum by axis, and what fills the node. After
 // the grid update velocities lie in the momentum's place, and in the last one what `fill` reads.
@@ -104,7 +118,6 @@ const NODE_CHANNELS = 5u;
 const FILLED = 256u;      // first of the last channel
 const GRID_STRIDE = 320u; // of a block's nodes of one grid
 
-// How a node's share of filled cells is known.
 const FILLS_NOTHING = 0u; // nobody asks
 const FILLS_MASS = 1u;    // by its mass, because there is one material
 const FILLS_VOLUME = 2u;  // by the rest volumes that p2g sums
@@ -145,11 +158,17 @@ fn kick(step: u32) -> f32 {
 
 /// The work of a workgroup; empty if there is none.
 fn job_of(item: u32) -> Work {
-    var job = Work(0u, 0u, 0u, 0u);
+    var job: Work;
     if (item < report.groups[GROUPS_WORK]) {
         job = work[item];
     }
     return job;
+}
+
+/// The block at an offset from that of the work, in its layer; -1 outside.
+fn beside(job: Work, offset: vec3<i32>) -> i32 {
+    let there = block_index(job.at + offset);
+    return select(there + i32(job.layer), -1, there < 0);
 }
 
 fn halted() -> bool {

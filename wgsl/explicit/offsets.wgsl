@@ -23,7 +23,9 @@ fn main(
     let items = (particles + WORK_MAX - 1u) / WORK_MAX;
     let first = atomicAdd(&report.work_count, items);
     let block = atomicLoad(&blocks_out[slot + 1u]);
+    let at = block_coordinates(block);
     for (var i = 0u; i < items; i++) {
-        work[first + i] = Work(block, start + i * WORK_MAX, min(WORK_MAX, particles - i * WORK_MAX), 0u);
+        let count = min(WORK_MAX, particles - i * WORK_MAX);
+        work[first + i] = Work(block, start + i * WORK_MAX, count, 0u, at, layer(block));
     }
 }

@@ -4,7 +4,7 @@
 // One workgroup a work item, one lane a particle at a time; sums are integers in workgroup memory,
 // then in the grid.
 //
-// uses explicit/transfer, explicit/fill, explicit/state_io, explicit/touched
+// uses explicit/scatter_*, explicit/fill, explicit/state_io, explicit/touched, explicit/flags
 
 @compute @workgroup_size(WORKGROUP)
 fn main(
@@ -14,14 +14,15 @@ fn main(
 ) {
     let item = group_index(group, groups);
     let job = job_of(item);
-    open_scatter(job.block, lane);
+    open_scatter(job, lane);
     workgroupBarrier();
+    var flags = no_flags();
     for (var i = lane; i < job.count; i += WORKGROUP) {
         let to = job.start + i;
         let id = list[to];
         let y = bitcast<vec3<f32>>(frame_position[id].xyz);
         let body = bodies[body_of[id]];
-        let material = materials[body.material];
+        let material = material_of(body);
         let state = load_frame_deformation(id, material.model);
         var v: vec3<f32>;
         var B: mat3x3<f32>;
@@ -31,19 +32,20 @@ fn main(
             B[1][k] = frame_velocity[(6u + k) * params.particles + id];
             B[2][k] = frame_velocity[(9u + k) * params.particles + id];
         }
-        if (job.touched != 0u) {
+        if (TOUCHES && job.touched != 0u) {
             v += touched_kick(to);
         }
         let grad_v = times_inverse_moment(B, y) * (1.0 / params.dx);
         let stress = kirchhoff(state, decompose(state, material.model), material, grad_v);
         let impulse = stress.tau * (body.volume * kick(report.index) / params.dx);
         if (!scatter(id, y, body.mass, filled_cells(state, material.model, body), v, B, impulse)) {
-            fail(ERROR_NAN, id);
+            note(&flags, ERROR_NAN, id);
         }
         position_out[to] = vec4<u32>(frame_position[id].xyz, id);
         store_deformation(to, material.model, state);
         list[to] = to;
     }
+    tell(flags);
     workgroupBarrier();
     flush_tile(lane);
 }

@@ -135,7 +135,7 @@ fn held_at(field: u32, n: vec3<i32>, grid: u32) -> u32 {
 }
 
 fn meet(n: vec3<i32>, grid: u32) {
-    if (params.fills == FILLS_VOLUME) {
+    if (FILLS == FILLS_VOLUME) {
         var volume = 0;
         for (var f = 0u; f < params.fields; f++) {
             let at = place_of(f * layer_size(), n, grid);

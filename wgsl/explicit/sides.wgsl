@@ -40,7 +40,7 @@ fn main(
     let at = frame_position[id];
     let block = at.w - layer(at.w);
     let y = bitcast<vec3<f32>>(at.xyz);
-    let x = block_corner(block) + y + SHIFT;
+    let x = block_corner(block_coordinates(block)) + y + SHIFT;
     let wrapped = select(x, x - params.cells * floor(x / params.cells), params.periodic == vec3<u32>(1u));
     frame_position[id].w = block + side_of(wrapped * params.dx) * layer_size();
 }

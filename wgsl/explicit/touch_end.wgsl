@@ -11,8 +11,8 @@ fn main(
 ) {
     let item = group_index(group, groups);
     let job = job_of(item);
-    let corner = block_corner(job.block);
-    open_gather(job.block, lane);
+    let corner = block_corner(job.at);
+    open_gather(job, lane);
     let count = count_near(item, job, corner, lane, params.end_dt > 0.0);
     for (var i = lane; i < count; i += 64u) {
         let packed = position_in[list[job.start + i]];

@@ -11,7 +11,7 @@ fn main(
 ) {
     let item = group_index(group, groups);
     let job = job_of(item);
-    let corner = block_corner(job.block);
+    let corner = block_corner(job.at);
     let count = count_near(item, job, corner, lane, true);
     for (var i = lane; i < count; i += 64u) {
         let id = list[job.start + i];

@@ -14,8 +14,15 @@
 const NEAR_WALL = 4;
 const MOST_IMAGES = 8u;
 
+/// Whether the domain has walls of each kind.
+override WALLS_STICKY: bool = true;
+override WALLS_HELD: bool = true;
+
+/// Room for all lanes' images, if there are any.
+override IMAGES: u32 = select(1u, 64u * MOST_IMAGES, WALLS_STICKY);
+
 /// Of each image of each lane's node: velocity, and mass as fixed-point momentum per velocity.
-var<workgroup> images: array<vec4<f32>, 64u * MOST_IMAGES>;
+var<workgroup> images: array<vec4<f32>, IMAGES>;
 
 /// The sticky wall of axis `a` that a node is near, 2a or 2a + 1; or NOWHERE.
 fn sticky_wall(a: u32, n: i32) -> u32 {
@@ -30,6 +37,18 @@ fn sticky_wall(a: u32, n: i32) -> u32 {
         wall = NOWHERE;
     }
     return wall;
+}
+
+/// Whether a block at `corner` has nodes that may have images.
+fn is_near_sticky(corner: vec3<i32>) -> bool {
+    var near = false;
+    for (var a = 0u; a < 3u; a++) {
+        let cells = i32(params.cells[a]);
+        let low = u32(params.walls[2u * a].x) == STICKY && corner[a] < NEAR_WALL;
+        let high = u32(params.walls[2u * a + 1u].x) == STICKY && corner[a] + 3 > cells - NEAR_WALL;
+        near = near || (params.periodic[a] == 0u && (low || high));
+    }
+    return near;
 }
 
 /// Index of a node's mirror image behind a wall.
@@ -47,8 +66,13 @@ struct Group {
     owned: bool,      // by this node
 }
 
+/// A node without images.
+fn single(n: vec3<i32>, grid: u32) -> Group {
+    return Group(n, grid, vec3<u32>(NOWHERE), vec3<u32>(0u), 0u, true);
+}
+
 fn group_of(n: vec3<i32>, grid: u32) -> Group {
-    var group = Group(n, grid, vec3<u32>(NOWHERE), vec3<u32>(0u), 0u, true);
+    var group = single(n, grid);
     var on_plane = 0u;
     for (var a = 0u; a < 3u; a++) {
         let wall = sticky_wall(a, n[a]);

@@ -9,7 +9,8 @@ fn block_coordinates(block: u32) -> vec3<i32> {
 /// Index in the first layer of the block table, wrapped on periodic axes; -1 outside.
 fn block_index(c: vec3<i32>) -> i32 {
     let n = vec3<i32>(params.blocks);
-    let wrapped = select(c, ((c % n) + n) % n, params.periodic == vec3<u32>(1u));
+    let inward = select(select(c, c - n, c >= n), c + n, c < vec3<i32>(0));
+    let wrapped = select(c, inward, params.periodic == vec3<u32>(1u));
     if (any(wrapped < vec3<i32>(0)) || any(wrapped >= n)) {
         return -1;
     }

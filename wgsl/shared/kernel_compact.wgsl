@@ -46,22 +46,48 @@ fn profile(f: vec3<f32>) -> Profile {
     return Profile(select(g, g_far, far), select(g_far, g, far), select(h, h_far, far), select(h_far, h, far), high);
 }
 
-fn stencil(y: vec3<f32>) -> Stencil {
+/// Where a particle is in its cell, by axis and for both grids: first nodes, weights of the lower and the upper
+/// node, slopes of the latter (those of the lower are opposite).
+struct Spot {
+    base: vec3<f32>,       // grid +, relative to the block: whole numbers
+    f: vec3<f32>,          // the particle minus that node, in cells
+    step: vec3<f32>,       // grid -'s first node minus grid +'s
+    lower_plus: vec3<f32>,
+    upper_plus: vec3<f32>,
+    lower_minus: vec3<f32>,
+    upper_minus: vec3<f32>,
+    slope_plus: vec3<f32>,
+    slope_minus: vec3<f32>,
+    skew: vec3<f32>,       // mean distance of grid +'s nodes from the particle; of grid -'s, the opposite
+}
+
+fn spot(y: vec3<f32>) -> Spot {
     let b = floor(y);
     let f = y - b;
     let q = profile(f);
+    // u⁺ = f ≤ ½: the far, upper node of grid + has the small weight, and u⁻ = f + ½ the lower one of grid -.
+    let upper = 1.0 - q.g_plus;
+    let lower = 1.0 - q.g_minus;
     let step = select(vec3<f32>(0.0), vec3<f32>(1.0), f >= vec3<f32>(0.5));
+    // s = cos(2πx)/2π = -sin(2πu⁺)/2π, and sin(2πv)/2π = v - g(v).
+    let sine = min(f, 1.0 - f) - q.g_plus;
+    return Spot(b, f, step,
+        select(upper, q.g_plus, q.high), select(q.g_plus, upper, q.high),
+        select(lower, q.g_minus, f < vec3<f32>(0.5)), select(q.g_minus, lower, f < vec3<f32>(0.5)),
+        q.h_plus, q.h_minus, select(-sine, sine, q.high));
+}
+
+fn stencil(y: vec3<f32>) -> Stencil {
+    let at = spot(y);
     var s: Stencil;
-    s.base[0] = vec3<i32>(b);
-    s.base[1] = vec3<i32>(b + step);
-    s.d[0] = -f;
-    s.d[1] = step - 0.5 - f;
-    // u⁺ = f ≤ ½: the far node 1 has the small weight; u⁻ = f + ½ - step.
-    s.w[0] = array(select(1.0 - q.g_plus, q.g_plus, q.high), select(q.g_plus, 1.0 - q.g_plus, q.high));
-    s.dw[0] = array(-q.h_plus, q.h_plus);
-    let high_minus = f < vec3<f32>(0.5);
-    s.w[1] = array(select(1.0 - q.g_minus, q.g_minus, high_minus), select(q.g_minus, 1.0 - q.g_minus, high_minus));
-    s.dw[1] = array(-q.h_minus, q.h_minus);
+    s.base[0] = vec3<i32>(at.base);
+    s.base[1] = vec3<i32>(at.base + at.step);
+    s.d[0] = -at.f;
+    s.d[1] = at.step - 0.5 - at.f;
+    s.w[0] = array(at.lower_plus, at.upper_plus);
+    s.w[1] = array(at.lower_minus, at.upper_minus);
+    s.dw[0] = array(-at.slope_plus, at.slope_plus);
+    s.dw[1] = array(-at.slope_minus, at.slope_minus);
     return s;
 }
 
@@ -69,20 +95,20 @@ fn stencil(y: vec3<f32>) -> Stencil {
 struct Moments { p: vec3<f32>, s: vec3<f32> }
 
 fn moments(y: vec3<f32>) -> Moments {
-    let f = y - floor(y);
-    let profile = profile(f);
-    let p = 0.5 * (profile.g_plus * (1.0 - profile.g_plus) + profile.g_minus * (1.0 - profile.g_minus));
-    // s = cos(2πx)/2π = -sin(2πu⁺)/2π, and sin(2πv)/2π = v - g(v).
-    let sine = min(f, 1.0 - f) - profile.g_plus;
-    return Moments(p, select(-sine, sine, profile.high));
+    let at = spot(y);
+    return Moments(0.5 * (at.lower_plus * at.upper_plus + at.lower_minus * at.upper_minus), at.skew);
 }
 
 /// A D⁻¹ dx² by Sherman–Morrison: A diag(1/p) - (A q) qᵀ / (1 + s·q), q = s/p.
+fn times_inverse(a: mat3x3<f32>, m: Moments) -> mat3x3<f32> {
+    let inverse = 1.0 / m.p;
+    let q = m.s * inverse;
+    let aq = (a * q) * (1.0 / (1.0 + dot(m.s, q)));
+    return mat3x3<f32>(a[0] * inverse.x - aq * q.x, a[1] * inverse.y - aq * q.y, a[2] * inverse.z - aq * q.z);
+}
+
 fn times_inverse_moment(a: mat3x3<f32>, y: vec3<f32>) -> mat3x3<f32> {
-    let m = moments(y);
-    let q = m.s / m.p;
-    let aq = (a * q) / (1.0 + dot(m.s, q));
-    return mat3x3<f32>(a[0] / m.p.x - aq * q.x, a[1] / m.p.y - aq * q.y, a[2] / m.p.z - aq * q.z);
+    return times_inverse(a, moments(y));
 }
 
 /// A diag(p)⁻¹: the moments about each grid's own mean have no skew part.

@@ -18,6 +18,18 @@ fn max_entry(v: vec3<f32>) -> f32 {
 
 struct Svd { u: mat3x3<f32>, sigma: vec3<f32>, v: mat3x3<f32> }
 
+/// A column of F V, and of V.
+struct Column { b: vec3<f32>, v: vec3<f32> }
+
+/// The longer one first; a swap negates one of the two, so that det V stays 1.
+fn order(a: ptr<function, Column>, b: ptr<function, Column>) {
+    if (dot((*a).b, (*a).b) < dot((*b).b, (*b).b)) {
+        let longer = *b;
+        *b = Column(vec3<f32>(0.0) - (*a).b, vec3<f32>(0.0) - (*a).v);
+        *a = longer;
+    }
+}
+
 /// F = U Σ Vᵀ, det U = det V = 1, |σ| falling, the sign of det F on the last.
 fn svd3(f: mat3x3<f32>) -> Svd {
     // Squares of the entries must neither vanish nor overflow.
@@ -26,57 +38,47 @@ fn svd3(f: mat3x3<f32>) -> Svd {
         let identity = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
         return Svd(identity, vec3<f32>(largest), identity);
     }
-    var b = f * (1.0 / largest);
-    var v = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
-    for (var sweep = 0u; sweep < 6u; sweep++) {
-        for (var k = 0u; k < 3u; k++) {
-            let p = select(0u, 1u, k == 2u);
-            let q = select(2u, 1u, k == 0u);
-            let alpha = dot(b[p], b[p]);
-            let beta = dot(b[q], b[q]);
-            let gamma = dot(b[p], b[q]);
-            if (abs(gamma) <= 1e-8 * sqrt(alpha * beta)) {
-                continue;
-            }
+    let scaled = f * (1.0 / largest);
+    var first = Column(scaled[0], vec3<f32>(1.0, 0.0, 0.0));
+    var second = Column(scaled[1], vec3<f32>(0.0, 1.0, 0.0));
+    var third = Column(scaled[2], vec3<f32>(0.0, 0.0, 1.0));
+    // Each pair in turn, until all three were at right angles, to rounding.
+    var right = 0u;
+    for (var i = 0u; i < 18u && right < 3u; i++) {
+        let alpha = dot(first.b, first.b);
+        let beta = dot(second.b, second.b);
+        let gamma = dot(first.b, second.b);
+        right++;
+        if (abs(gamma) > 6e-8 * sqrt(alpha * beta)) {
+            right = 0u;
             let zeta = (beta - alpha) / (2.0 * gamma);
             let t = select(-1.0, 1.0, zeta >= 0.0) / (abs(zeta) + sqrt(1.0 + zeta * zeta));
             let c = inverseSqrt(1.0 + t * t);
             let s = c * t;
-            let bp = b[p];
-            let bq = b[q];
-            b[p] = c * bp - s * bq;
-            b[q] = s * bp + c * bq;
-            let vp = v[p];
-            let vq = v[q];
-            v[p] = c * vp - s * vq;
-            v[q] = s * vp + c * vq;
+            let turned = Column(c * first.b - s * second.b, c * first.v - s * second.v);
+            second = Column(s * first.b + c * second.b, s * first.v + c * second.v);
+            first = turned;
         }
+        let last = first;
+        first = second;
+        second = third;
+        third = last;
     }
-    // Sort the columns by length; each swap negates one of the pair, so that det V stays 1.
-    for (var k = 0u; k < 3u; k++) {
-        let p = select(0u, 1u, k == 1u);
-        let q = p + 1u;
-        if (dot(b[p], b[p]) < dot(b[q], b[q])) {
-            let bp = b[p];
-            b[p] = b[q];
-            b[q] = -bp;
-            let vp = v[p];
-            v[p] = v[q];
-            v[q] = -vp;
-        }
-    }
+    order(&first, &second);
+    order(&second, &third);
+    order(&first, &second);
     var out: Svd;
-    out.v = v;
-    let s0 = length(b[0]);
-    out.u[0] = select(vec3<f32>(1.0, 0.0, 0.0), b[0] / s0, s0 > 1e-30);
+    out.v = mat3x3<f32>(first.v, second.v, third.v);
+    let s0 = length(first.b);
+    out.u[0] = select(vec3<f32>(1.0, 0.0, 0.0), first.b / s0, s0 > 1e-30);
     // Directions of vanishing columns are free: take any that make U a rotation.
-    let r1 = b[1] - out.u[0] * dot(out.u[0], b[1]);
+    let r1 = second.b - out.u[0] * dot(out.u[0], second.b);
     let s1 = length(r1);
     let axis = select(vec3<f32>(0.0, 1.0, 0.0), vec3<f32>(0.0, 0.0, 1.0), abs(out.u[0].y) > 0.7);
     let free = normalize(axis - out.u[0] * dot(out.u[0], axis));
     out.u[1] = select(free, r1 / s1, s1 > 1e-12 * s0 && s1 > 1e-30);
     out.u[2] = cross(out.u[0], out.u[1]);
-    out.sigma = largest * vec3<f32>(s0, dot(out.u[1], b[1]), dot(out.u[2], b[2]));
+    out.sigma = largest * vec3<f32>(s0, dot(out.u[1], second.b), dot(out.u[2], third.b));
     return out;
 }
 

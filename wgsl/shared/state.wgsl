@@ -8,9 +8,8 @@
 // uses shared/materials/drucker_prager, shared/materials/mohr_coulomb, shared/materials/nacc
 // uses shared/materials/snow
 
-/// Whether any law of the scene works in principal space. Programs that need none of those laws
-/// are compiled without their code.
-override PRINCIPAL: bool = true;
+/// Laws that the scene has, a bit each. Programs are compiled without the code of all others.
+override LAWS: u32 = 1023u;
 
 /// F, or J alone (a fluid); q: plastic state of the laws that have one.
 struct Deformation { F: mat3x3<f32>, J: f32, q: f32 }
@@ -31,17 +30,42 @@ const MOHR_COULOMB = 9u;
 const MIN_STRETCH = 1e-4;
 const MAX_STRETCH = 1e4;
 
-fn is_principal(model: u32) -> bool {
-    return PRINCIPAL && model >= STVK_HENCKY;
+fn has_law(law: u32) -> bool {
+    return (LAWS & (1u << law)) != 0u;
+}
+
+fn is_law(m: Material, law: u32) -> bool {
+    return has_law(law) && m.model == law;
+}
+
+/// A material whose law is no question, if there is only one.
+fn material_of(body: Body) -> Material {
+    var m = materials[body.material];
+    if (countOneBits(LAWS) == 1u) {
+        m.model = firstTrailingBit(LAWS);
+    }
+    return m;
+}
+
+fn is_principal(law: u32) -> bool {
+    return (LAWS >> STVK_HENCKY) != 0u && law >= STVK_HENCKY;
 }
 
 /// Whether the return map can change F.
-fn is_plastic(model: u32) -> bool {
-    return PRINCIPAL && model >= VON_MISES_HENCKY;
+fn is_plastic(law: u32) -> bool {
+    return (LAWS >> VON_MISES_HENCKY) != 0u && law >= VON_MISES_HENCKY;
 }
 
-fn has_plastic_state(model: u32) -> bool {
-    return PRINCIPAL && model >= DRUCKER_PRAGER;
+fn has_plastic_state(law: u32) -> bool {
+    return (LAWS >> DRUCKER_PRAGER) != 0u && law >= DRUCKER_PRAGER;
+}
+
+/// Values of a particle's state.
+fn state_channels() -> u32 {
+    if (LAWS == (1u << FLUID)) {
+        return 1u;
+    }
+    return select(9u, 10u, (LAWS >> DRUCKER_PRAGER) != 0u);
 }
 
 /// Singular values and plastic state in a return map.
@@ -68,21 +92,29 @@ fn diagonal_times(u: mat3x3<f32>, d: vec3<f32>, v: mat3x3<f32>) -> mat3x3<f32> {
 }
 
 fn flow(trial: Returned, m: Material) -> Returned {
-    switch (m.model) {
-        case VON_MISES_HENCKY, VON_MISES_FIXED_COROTATED: { return von_mises_return(trial, m); }
-        case DRUCKER_PRAGER: { return drucker_prager_return(trial, m); }
-        case MOHR_COULOMB: { return mohr_coulomb_return(trial, m); }
-        case NACC: { return nacc_return(trial, m); }
-        case SNOW: { return snow_return(trial, m); }
-        default: { return trial; }
+    if (is_law(m, VON_MISES_HENCKY) || is_law(m, VON_MISES_FIXED_COROTATED)) {
+        return von_mises_return(trial, m);
     }
+    if (is_law(m, DRUCKER_PRAGER)) {
+        return drucker_prager_return(trial, m);
+    }
+    if (is_law(m, MOHR_COULOMB)) {
+        return mohr_coulomb_return(trial, m);
+    }
+    if (is_law(m, NACC)) {
+        return nacc_return(trial, m);
+    }
+    if (is_law(m, SNOW)) {
+        return snow_return(trial, m);
+    }
+    return trial;
 }
 
 /// Advances F ← (I + dt ∇v) F or J ← (1 + dt tr ∇v) J, `growth` = dt ∇v, and back to the yield
 /// surface.
 fn deform(state: Deformation, m: Material, growth: mat3x3<f32>, principal: ptr<function, Principal>) -> Deformation {
     var next = state;
-    if (m.model == FLUID) {
+    if (is_law(m, FLUID)) {
         next.J = state.J + state.J * (growth[0].x + growth[1].y + growth[2].z);
         return next;
     }
@@ -110,26 +142,34 @@ fn decompose(state: Deformation, model: u32) -> Principal {
 }
 
 fn principal_kirchhoff(sigma: vec3<f32>, q: f32, m: Material) -> vec3<f32> {
-    switch (m.model) {
-        case VON_MISES_FIXED_COROTATED: { return fixed_corotated_principal(sigma, m.a, m.b); }
-        case NACC: { return nacc_kirchhoff(sigma, m); }
-        case SNOW: { return snow_hardening(m, q) * fixed_corotated_principal(sigma, m.a, m.b); }
-        default: { return hencky_kirchhoff(sigma, m.a, m.b); }
+    if (is_law(m, VON_MISES_FIXED_COROTATED)) {
+        return fixed_corotated_principal(sigma, m.a, m.b);
     }
+    if (is_law(m, NACC)) {
+        return nacc_kirchhoff(sigma, m);
+    }
+    if (is_law(m, SNOW)) {
+        return snow_hardening(m, q) * fixed_corotated_principal(sigma, m.a, m.b);
+    }
+    return hencky_kirchhoff(sigma, m.a, m.b);
 }
 
 fn principal_stiffness(sigma: vec3<f32>, q: f32, m: Material) -> f32 {
-    switch (m.model) {
-        case VON_MISES_FIXED_COROTATED: { return fixed_corotated_principal_stiffness(sigma, m.a, m.b); }
-        case NACC: { return nacc_stiffness(sigma, m); }
-        case SNOW: { return snow_hardening(m, q) * fixed_corotated_principal_stiffness(sigma, m.a, m.b); }
-        default: { return hencky_stiffness(sigma, m.a, m.b); }
+    if (is_law(m, VON_MISES_FIXED_COROTATED)) {
+        return fixed_corotated_principal_stiffness(sigma, m.a, m.b);
     }
+    if (is_law(m, NACC)) {
+        return nacc_stiffness(sigma, m);
+    }
+    if (is_law(m, SNOW)) {
+        return snow_hardening(m, q) * fixed_corotated_principal_stiffness(sigma, m.a, m.b);
+    }
+    return hencky_stiffness(sigma, m.a, m.b);
 }
 
 /// Stress without the damping of solids.
 fn undamped_kirchhoff(state: Deformation, principal: Principal, m: Material, grad_v: mat3x3<f32>) -> Stress {
-    if (m.model == FLUID) {
+    if (is_law(m, FLUID)) {
         let pressure = weakly_compressible_fluid_pressure(state.J, m.a, m.b);
         return Stress(weakly_compressible_fluid_kirchhoff(state.J, pressure, m.c, grad_v),
             weakly_compressible_fluid_stiffening(state.J, pressure, m.a, m.b));
@@ -140,7 +180,7 @@ fn undamped_kirchhoff(state: Deformation, principal: Principal, m: Material, gra
         let stiffness = principal_stiffness(principal.sigma, state.q, m);
         return Stress(diagonal_times(principal.u, tau, principal.u), stiffness / at_rest);
     }
-    if (m.model == NEO_HOOKEAN) {
+    if (is_law(m, NEO_HOOKEAN)) {
         return Stress(neo_hookean_kirchhoff(state.F, m.a, m.b), neo_hookean_stiffness(state.F, m.a, m.b) / at_rest);
     }
     return Stress(fixed_corotated_kirchhoff(state.F, m.a, m.b), fixed_corotated_stiffness(state.F, m.a, m.b) / at_rest);

@@ -5,7 +5,9 @@ pub(crate) mod device;
 pub(crate) mod memory;
 pub mod program;
 mod source;
+mod variant;
 
 pub use device::{AdapterSummary, Gpu, WORKGROUP, WORKGROUP_BYTES, list_adapters};
-pub use program::{STORAGE_BUFFERS, Shader, Variant};
+pub use program::{STORAGE_BUFFERS, Shader};
 pub use source::{file, files};
+pub use variant::{Fills, Surroundings, Variant, law_number};

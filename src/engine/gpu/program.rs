@@ -7,66 +7,12 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use super::device::Gpu;
 use super::memory::Scope;
-use super::source::{compose, file, kernel_name};
+use super::source::{compose, file, is_unchecked};
+use super::variant::Variant;
 use crate::contract::EngineError;
-use gridfall_core::sim::setup::{Kernel, Material, Setup, Transfer};
 
 /// Storage buffers that a program may bind: what nearly all devices offer a stage.
 pub const STORAGE_BUFFERS: u32 = 16;
-
-/// What programs are specialised for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Variant {
-    pub kernel: Kernel,
-    /// Never PIC, which the GPU engines do not have.
-    pub transfer: Transfer,
-    /// Some law works in principal space.
-    pub principal: bool,
-}
-
-impl Variant {
-    pub fn of(setup: &Setup) -> Self {
-        let closed_form = |m: &Material| {
-            matches!(m, Material::FixedCorotated(_) | Material::NeoHookean(_) | Material::WeaklyCompressibleFluid(_))
-        };
-        Self {
-            kernel: setup.kernel,
-            transfer: match (setup.kernel, setup.transfer) {
-                // A single grid is centred anyway.
-                (Kernel::Compact, transfer) => transfer,
-                (_, Transfer::MlsPublished) => Transfer::Mls,
-                (_, transfer) => transfer,
-            },
-            principal: !setup.materials.iter().all(closed_form),
-        }
-    }
-
-    /// For programs that differ by kernel alone.
-    pub fn of_kernel(kernel: Kernel) -> Self {
-        Self { kernel, transfer: Transfer::Apic, principal: false }
-    }
-
-    /// All that there are shaders for.
-    pub fn all() -> impl Iterator<Item = Self> {
-        use Kernel::{Compact, Quadratic};
-        use Transfer::{Apic, Mls, MlsPublished};
-        let schemes = [(Compact, Mls), (Compact, MlsPublished), (Compact, Apic), (Quadratic, Mls), (Quadratic, Apic)];
-        let variants = |(kernel, transfer)| [false, true].map(|principal| Self { kernel, transfer, principal });
-        schemes.into_iter().flat_map(variants)
-    }
-
-    /// As in `compact mls closed`.
-    fn name(self) -> String {
-        let transfer = match self.transfer {
-            Transfer::Pic => "pic",
-            Transfer::Apic => "apic",
-            Transfer::Mls => "mls",
-            Transfer::MlsPublished => "mls-published",
-        };
-        let laws = if self.principal { "principal" } else { "closed" };
-        format!("{} {transfer} {laws}", kernel_name(self.kernel))
-    }
-}
 
 /// A buffer that a shader's entry point uses.
 #[derive(Clone, Debug)]
@@ -92,6 +38,8 @@ pub struct Shader {
     pub wgsl: String,
     /// Values of its override constants.
     pub constants: Vec<(&'static str, f64)>,
+    /// Whether indices into arrays are checked as it runs; accesses to buffers are checked by the device anyway.
+    pub checked: bool,
     /// All in group 0.
     pub bindings: Vec<Binding>,
     /// Workgroup memory (bytes).
@@ -130,16 +78,10 @@ impl Shader {
             here.then(|| module.types[global.ty].inner.size(module.to_ctx()))
         };
         let declared = |name: &str| module.overrides.iter().any(|(_, o)| o.name.as_deref() == Some(name));
-        let flag = |on: bool| f64::from(u8::from(on));
-        let constants = [
-            ("WORKGROUP", f64::from(workgroup)),
-            ("MLS", flag(variant.transfer.is_mls())),
-            ("CENTRED", flag(variant.transfer.is_centred())),
-            ("PRINCIPAL", flag(variant.principal)),
-        ];
         Ok(Self {
             name: name.to_string(),
-            constants: constants.into_iter().filter(|(name, _)| declared(name)).collect(),
+            constants: variant.constants(workgroup).into_iter().filter(|(name, _)| declared(name)).collect(),
+            checked: !is_unchecked(text),
             bindings: used().filter_map(binding).collect(),
             workgroup_bytes: used().filter_map(bytes).sum(),
             wgsl,
@@ -194,8 +136,9 @@ impl Gpu {
         let mut checks = wgpu::ShaderRuntimeChecks::checked();
         // Every loop of ours is bounded; naga's guard is a 64-bit counter in each of them.
         checks.force_loop_bounding = false;
-        // SAFETY: the only check that is off is the loop bound, and no shader of ours has an
-        // unbounded loop.
+        checks.bounds_checks = shader.checked;
+        // SAFETY: no shader of ours has an unbounded loop. Those without checks of indices keep them in range
+        // themselves, as their heads say; buffers are as large as the counts that index them.
         let module = unsafe { self.device.create_shader_module_trusted(descriptor, checks) };
         let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(name),

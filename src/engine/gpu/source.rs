@@ -34,6 +34,11 @@ pub fn file(name: &str) -> Result<&'static str, String> {
     find(FILES, name).ok_or_else(|| format!("there is no wgsl/{name}.wgsl"))
 }
 
+/// Whether a shader's opening comment says `unchecked: …`, and why its indices are in range.
+pub fn is_unchecked(text: &str) -> bool {
+    text.lines().take_while(|line| line.starts_with("//")).any(|line| line.starts_with("// unchecked: "))
+}
+
 fn find<'a>(files: &[(&str, &'a str)], name: &str) -> Option<&'a str> {
     files.iter().find(|(found, _)| *found == name).map(|&(_, text)| text)
 }

@@ -35,6 +35,7 @@ impl Counts {
         let (particles, capacity) = (self.particles, self.capacity);
         let grid = capacity * self.grids * BLOCK_NODES * NODE_CHANNELS * 4;
         let deformation = particles * self.channels * 4;
+        let groups = particles.next_multiple_of(layout::STATE_GROUP) * self.channels * 4;
         let work = capacity + particles / WORK_MAX + 1;
         let mut buffers = vec![
             uniform("params", size_of::<layout::Params>()),
@@ -52,8 +53,8 @@ impl Counts {
             storage("list", particles * 4),
             storage("position_in", particles * 16),
             storage("position_out", particles * 16),
-            storage("deformation_in", deformation),
-            storage("deformation_out", deformation),
+            storage("deformation_in", groups),
+            storage("deformation_out", groups),
             storage("frame_position", particles * 16),
             storage("frame_velocity", particles * VELOCITY_CHANNELS * 4),
             storage("frame_deformation", deformation),

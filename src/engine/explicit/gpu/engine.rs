@@ -14,7 +14,7 @@ use super::upload::{DeviceLayout, grid_offsets};
 use crate::contract::{Backend, Control, Engine, EngineError, FrameStats, StateError};
 use crate::gpu::memory::Memory;
 use crate::gpu::program::{Dispatch, Programs, Tools};
-use crate::gpu::{Gpu, Variant};
+use crate::gpu::{Fills, Gpu, Variant};
 use gridfall_core::sim::divergence;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
@@ -153,8 +153,8 @@ impl GpuEngine {
         let power_of_two = |x: f64| x.log2().floor().exp2() as f32;
         self.params.mass_scale = power_of_two(FULL_NODE / (full * self.mass_range));
         self.params.momentum_scale = power_of_two(FULL_NODE / (full * speed));
-        self.params.cell_scale = match self.params.fills {
-            layout::FILLS_VOLUME => power_of_two(FULL_NODE / self.mass_range),
+        self.params.cell_scale = match Fills::of(&self.setup) {
+            Fills::Volume => power_of_two(FULL_NODE / self.mass_range),
             // All have one density.
             _ => (f64::from(self.params.mass_scale) * full) as f32,
         };

@@ -5,7 +5,7 @@
 use rand::{Rng, SeedableRng, rngs::StdRng};
 
 use super::buffers::Counts;
-use super::layout::{self, Params};
+use super::layout::{self, Params, STATE_GROUP, place_of_state};
 use super::scene::{SceneData, material};
 use crate::gpu::device::test_gpu;
 use crate::gpu::memory::{Memory, Scope};
@@ -98,16 +98,18 @@ pub(super) fn run(gpu: &Gpu, materials: &[Material], states: &[State], text: &st
     let counts =
         Counts { particles: n, table: one, capacity: one, grids: one, channels, touches: false, scene: scene.sizes() };
     let memory = Memory::new(gpu, &counts.sizes()).unwrap();
-    let mut deformation = vec![0.0f32; channels * n];
+    let stored = channels * n.next_multiple_of(STATE_GROUP);
+    let mut deformation = vec![0.0f32; stored];
+    let place = |k: usize, i: usize| place_of_state(i, channels) + STATE_GROUP * k;
     for (i, state) in states.iter().enumerate() {
         if materials[state.material].is_fluid() {
-            deformation[i] = det(&state.f) as f32;
+            deformation[place(0, i)] = det(&state.f) as f32;
             continue;
         }
         for (r, c) in (0..3).flat_map(|r| (0..3).map(move |c| (r, c))) {
-            deformation[(3 * c + r) * n + i] = state.f[r][c] as f32;
+            deformation[place(3 * c + r, i)] = state.f[r][c] as f32;
         }
-        deformation[9 * n + i] = state.plastic as f32;
+        deformation[place(9, i)] = state.plastic as f32;
     }
     let body_of: Vec<u32> = states.iter().map(|s| s.material as u32).collect();
     let params = Params { particles: n as u32, ..Params::default() };
@@ -116,15 +118,17 @@ pub(super) fn run(gpu: &Gpu, materials: &[Material], states: &[State], text: &st
     memory.write(gpu, "body_of", 0, &body_of);
     memory.write(gpu, "deformation_in", 0, &deformation);
 
-    let variant = Variant { kernel: Kernel::Compact, transfer: Transfer::Mls, principal: true };
+    let variant = Variant::full(Kernel::Compact, Transfer::Mls);
     let shader = Shader::of_text("laws", text, variant, gpu.workgroup).unwrap_or_else(|e| panic!("{e}"));
     let dispatch = Dispatch::of(gpu, gpu.program("laws", shader), (), &Scope::of(&memory));
     gpu.pass(|pass| dispatch.record(pass, Workgroups::Folded(n.div_ceil(64))));
     gpu.check().unwrap();
     let read = |name: &str, channels: usize| -> Vec<f32> { memory.read(gpu, name, channels * n).unwrap() };
+    let after: Vec<f32> = memory.read(gpu, "deformation_out", stored).unwrap();
+    let places = (0..channels).flat_map(|k| (0..n).map(move |i| (k, i)));
     Written {
         states: n,
-        deformation: read("deformation_out", channels),
+        deformation: places.map(|(k, i)| after[place(k, i)]).collect(),
         velocity: read("frame_velocity", 12),
         frame_deformation: read("frame_deformation", channels),
     }

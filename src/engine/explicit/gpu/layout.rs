@@ -18,6 +18,14 @@ pub const PAD_BLOCKS: usize = 2;
 /// Most particles in a work item (`WORK_MAX` in the shaders).
 pub const WORK_MAX: usize = 1024;
 
+/// Particles whose states inside a frame lie together, channel by channel (`wgsl/explicit/state_io.wgsl`).
+pub const STATE_GROUP: usize = 32;
+
+/// Place of the first channel of a particle's state inside a frame; others follow at multiples of [`STATE_GROUP`].
+pub fn place_of_state(particle: usize, channels: usize) -> usize {
+    particle / STATE_GROUP * STATE_GROUP * channels + particle % STATE_GROUP
+}
+
 /// Most layers of the block table: bodies with contact of their own, and one for all others.
 pub const MOST_FIELDS: usize = pair::MOST + 1;
 
@@ -31,11 +39,6 @@ pub const HALT_REPLAN: u32 = 2;
 pub const HALT_ERROR: u32 = 4;
 pub const HALT_MASS: u32 = 8;
 pub const HALT_MOMENTUM: u32 = 16;
-
-/// How a node's share of filled cells is known: nobody asks, by its mass, by the rest volumes.
-pub const FILLS_NOTHING: u32 = 0;
-pub const FILLS_MASS: u32 = 1;
-pub const FILLS_VOLUME: u32 = 2;
 
 pub const ERROR_NAN: u32 = 1;
 pub const ERROR_CFL: u32 = 2;
@@ -78,7 +81,6 @@ pub struct Params {
     pub soft_demand: f32,
     pub soft_growth: f32,
     pub live: u32,
-    pub fills: u32,
     pub cell_scale: f32,
     pub first_kick: f32,
     pub last_kick: f32,
@@ -87,6 +89,15 @@ pub struct Params {
     pub fields: u32,
     pub sided: u32,
     pub resets: u32,
+    pub spare: u32,
+    pub lowest: [f32; 3],
+    pub spare0: u32,
+    pub highest: [f32; 3],
+    pub spare1: u32,
+    pub outer_low: [f32; 3],
+    pub spare2: u32,
+    pub outer_high: [f32; 3],
+    pub spare3: u32,
     pub walls: [[f32; 4]; 6],
     pub contacts: [[f32; 4]; MOST_FIELDS],
 }
@@ -190,4 +201,6 @@ pub struct Work {
     pub start: u32,
     pub count: u32,
     pub touched: u32,
+    pub at: [i32; 3],
+    pub layer: u32,
 }

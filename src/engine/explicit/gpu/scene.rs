@@ -1,10 +1,9 @@
 //! Bodies, materials and colliders as device data, for both engines.
 
 use super::layout;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, law_number};
 use crate::gpu::memory::{Memory, Size, storage};
 use gridfall_core::material::Law;
-use gridfall_core::material::parameters::Elasticity;
 use gridfall_core::sim::collider::{Collider, Primitive, SdfOp, sided, sides};
 use gridfall_core::sim::reaction::WALLS;
 use gridfall_core::sim::setup::{Body, Contact, ContactAt, ContactKind, Material, Setup};
@@ -108,28 +107,25 @@ impl SceneSizes {
     }
 }
 
-/// Parameters as the shaders know them; models are numbered as in `wgsl/shared/state.wgsl`.
+/// Parameters as the shaders know them.
 pub fn material(material: &Material) -> layout::Material {
     let damping = material.damping() as f32;
-    let (model, parameters) = match Law::<f64>::new(material) {
-        Law::FixedCorotated(l) => (0, [l.mu, l.lambda, 0.0, 0.0, 0.0]),
-        Law::NeoHookean(l) => (1, [l.mu, l.lambda, 0.0, 0.0, 0.0]),
-        Law::WeaklyCompressibleFluid(l) => (2, [l.b, l.gamma, l.viscosity, 0.0, 0.0]),
-        Law::StvkHencky(l) => (3, [l.mu, l.lambda, 0.0, 0.0, 0.0]),
-        Law::VonMises(l) => {
-            let model = if l.elasticity == Elasticity::Hencky { 4 } else { 5 };
-            (model, [l.hencky.mu, l.hencky.lambda, l.radius, 0.0, 0.0])
-        }
+    let parameters = match Law::<f64>::new(material) {
+        Law::FixedCorotated(l) => [l.mu, l.lambda, 0.0, 0.0, 0.0],
+        Law::NeoHookean(l) => [l.mu, l.lambda, 0.0, 0.0, 0.0],
+        Law::WeaklyCompressibleFluid(l) => [l.b, l.gamma, l.viscosity, 0.0, 0.0],
+        Law::StvkHencky(l) => [l.mu, l.lambda, 0.0, 0.0, 0.0],
+        Law::VonMises(l) => [l.hencky.mu, l.hencky.lambda, l.radius, 0.0, 0.0],
         Law::DruckerPrager(l) => {
             let s = l.slopes(3);
-            (6, [l.elastic.mu, l.elastic.lambda, s.friction, s.dilatancy, s.strength])
+            [l.elastic.mu, l.elastic.lambda, s.friction, s.dilatancy, s.strength]
         }
-        Law::Nacc(l) => (7, [l.mu, l.lambda, l.m, l.beta, l.xi]),
-        Law::Snow(l) => (8, [l.elastic.mu, l.elastic.lambda, l.least, l.most, l.hardening]),
-        Law::MohrCoulomb(l) => (9, [l.elastic.mu, l.elastic.lambda, l.sin_friction, l.sin_dilatancy, l.strength]),
+        Law::Nacc(l) => [l.mu, l.lambda, l.m, l.beta, l.xi],
+        Law::Snow(l) => [l.elastic.mu, l.elastic.lambda, l.least, l.most, l.hardening],
+        Law::MohrCoulomb(l) => [l.elastic.mu, l.elastic.lambda, l.sin_friction, l.sin_dilatancy, l.strength],
     };
     let [a, b, c, d, e] = parameters.map(|x| x as f32);
-    layout::Material { model, a, b, c, d, e, damping, ..layout::Material::default() }
+    layout::Material { model: law_number(material), a, b, c, d, e, damping, ..layout::Material::default() }
 }
 
 fn sdf_op(op: &SdfOp, origin: [f64; 3], samples: &mut Vec<f32>) -> layout::SdfOp {

@@ -1,15 +1,14 @@
 //! Coordinates and particle states as device data.
 
-use super::layout::{self, MOST_FIELDS, PAD_BLOCKS, Params, TOUCH_CHANNELS};
+use super::layout::{MOST_FIELDS, PAD_BLOCKS, Params, TOUCH_CHANNELS};
 use super::scene::contact_code;
 use crate::contract::EngineError;
 use gridfall_core::maths::linalg::{det, from_row_major};
 use gridfall_core::sim::pair;
 use gridfall_core::sim::particles::Particles;
-use gridfall_core::sim::setup::{Axis, Kernel, Material, Setup};
+use gridfall_core::sim::setup::{Axis, ContactKind, Kernel, Material, Setup};
 use gridfall_core::sim::side::{self, Plates};
 use gridfall_core::sim::touch::Touch;
-use gridfall_core::sim::volume;
 
 /// Cells by which a kernel's base node is shifted: y = x/dx - shift has floor(y) as its first node
 /// (`SHIFT` in the shaders).
@@ -20,16 +19,6 @@ pub fn shift(kernel: Kernel) -> f64 {
 /// Sign s of each grid, whose nodes lie at (i + s/4) dx.
 pub fn grid_offsets(kernel: Kernel) -> &'static [i32] {
     if kernel == Kernel::Quadratic { &[0] } else { &[1, -1] }
-}
-
-/// How nodes know what fills them.
-fn fills(setup: &Setup) -> u32 {
-    let follows = setup.bodies.iter().any(|body| volume::relaxation(setup, body).is_some());
-    match (follows, volume::is_mixed(setup)) {
-        (false, _) => layout::FILLS_NOTHING,
-        (true, false) => layout::FILLS_MASS,
-        (true, true) => layout::FILLS_VOLUME,
-    }
 }
 
 /// By field: contact kind, friction, mass of a full node.
@@ -250,8 +239,22 @@ impl DeviceLayout {
         out
     }
 
+    /// Where sticky walls stop particles on the way down and up an axis, and where they have left the domain: in
+    /// the shaders' y, from the domain's corner.
+    fn limits(&self, setup: &Setup, axis: usize) -> [f32; 4] {
+        let end = setup.cells[axis] as f64;
+        let y = |x: f64| (x - self.shift) as f32;
+        let Axis::Walls(walls) = setup.axes[axis] else {
+            return [f32::MIN, f32::MAX, f32::MIN, f32::MAX];
+        };
+        let [low, high] = walls.map(|wall| wall.kind == ContactKind::Sticky);
+        [if low { y(0.0) } else { f32::MIN }, if high { y(end) } else { f32::MAX }, y(-1.0), y(end + 1.0)]
+    }
+
     /// The constant part of the shaders' parameters.
     pub fn params(&self, setup: &Setup) -> Params {
+        let limits = [0, 1, 2].map(|axis| self.limits(setup, axis));
+        let limit = |k: usize| limits.map(|of_axis| of_axis[k]);
         Params {
             blocks: self.blocks.map(|b| b as u32),
             particles: setup.total_particles() as u32,
@@ -262,10 +265,13 @@ impl DeviceLayout {
             pad: self.pad.map(|p| p as i32),
             periodic: self.periodic.map(u32::from),
             colliders: setup.colliders.len() as u32,
-            fills: fills(setup),
             fields: self.fields as u32,
             sided: u32::from(side::acts(setup)),
             contacts: contacts(setup),
+            lowest: limit(0),
+            highest: limit(1),
+            outer_low: limit(2),
+            outer_high: limit(3),
             walls: std::array::from_fn(|w| match setup.axes[w / 2] {
                 Axis::Periodic => [0.0; 4],
                 Axis::Walls(walls) => [contact_code(walls[w % 2]) as f32, walls[w % 2].friction as f32, 0.0, 0.0],

@@ -90,7 +90,7 @@ impl DeviceStep {
             flowing: u32::from(flowing),
             ..Params::default()
         };
-        let programs = Programs::new(Variant::of(setup));
+        let programs = Programs::new(Variant::of(setup).coarse());
         let stages = Stages::new(Tools { gpu: &gpu, programs: &programs }, &memory, &system, touches);
         let buffers = Buffers { counts, memory, system, live: 0, blocks: 0, links: 0 };
         let (setup, contact) = (setup.clone(), Contact::default());
