@@ -4,7 +4,8 @@ use crate::explicit::gpu as explicit;
 use crate::gpu::{Shader, Variant, WORKGROUP};
 use crate::implicit::gpu as implicit;
 
-/// All programs in samples of the variants that GPUs run; programs that come out the same in several are there once. Errors: what is wrong with a shader.
+/// All programs in samples of the variants that GPUs run; programs that come out the same in several are there
+/// once. Errors: what is wrong with a shader.
 pub fn programs() -> Result<Vec<Shader>, String> {
     let mut all: Vec<Shader> = Vec::new();
     let mut add = |mut names: Vec<&'static str>, variants: Vec<Variant>| -> Result<(), String> {

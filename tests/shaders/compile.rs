@@ -76,8 +76,8 @@ pub fn compile(program: &Program) -> Result<Module, String> {
         pipeline_constants::process_overrides(&module, &info, entry, &constants).map_err(|e| e.to_string())?;
 
     let pipeline = spv::PipelineOptions { shader_stage: ShaderStage::Compute, entry_point: "main".into() };
-    let spirv =
-        spv::write_vec(&module, &info, &spirv_options(program.checked), Some(&pipeline)).map_err(|e| format!("SPIR-V: {e}"))?;
+    let spirv = spv::write_vec(&module, &info, &spirv_options(program.checked), Some(&pipeline))
+        .map_err(|e| format!("SPIR-V: {e}"))?;
     let (mut text, options, pipeline) = (String::new(), hlsl_options(program.checked), Default::default());
     hlsl::Writer::new(&mut text, &options, &pipeline).write(&module, &info, None).map_err(|e| format!("HLSL: {e}"))?;
 

@@ -14,5 +14,7 @@ pub struct Program {
 /// All pipelines of all variants.
 pub fn programs() -> Vec<Program> {
     let all = gridfall_engine::programs::programs().unwrap_or_else(|e| panic!("{e}"));
-    all.into_iter().map(|s| Program { name: s.name, wgsl: s.wgsl, constants: s.constants, checked: s.checked }).collect()
+    all.into_iter()
+        .map(|s| Program { name: s.name, wgsl: s.wgsl, constants: s.constants, checked: s.checked })
+        .collect()
 }

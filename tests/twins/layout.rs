@@ -43,7 +43,7 @@ fn shared_structs_agree() {
     let m = parse("explicit/g2p2g");
     twin!(m, Params: blocks, particles, cells, dx, gravity, dt, pad, capacity, periodic, colliders, mass_scale,
         momentum_scale, soft_shift, first_step, soft_demand, soft_growth, live, cell_scale,
-        first_kick, last_kick, last_step, end_dt, fields, sided, resets, spare, lowest,
+        first_kick, last_kick, last_step, end_dt, fields, sided, resets, steps, lowest,
         spare0, highest, spare1, outer_low, spare2, outer_high, spare3, walls, contacts);
     twin!(m, Report: halt, error, error_particle, max_shift, max_speed, step, index, work_count, cursor, stale, needed,
         max_demand, isolated, finished, groups);

@@ -52,13 +52,13 @@ fn gather(y: vec3<f32>) -> Gathered {
     let minus = means(first_read(1u, s.base + s.step), READ_MINUS, s.upper_minus);
     let spread_plus = s.lower_plus * s.upper_plus;
     let spread_minus = s.lower_minus * s.upper_minus;
-    let x = plus.x * spread_plus.x + minus.x * spread_minus.x;
-    let y_ = plus.y * spread_plus.y + minus.y * spread_minus.y;
-    let z = plus.z * spread_plus.z + minus.z * spread_minus.z;
+    let along_x = plus.x * spread_plus.x + minus.x * spread_minus.x;
+    let along_y = plus.y * spread_plus.y + minus.y * spread_minus.y;
+    let along_z = plus.z * spread_plus.z + minus.z * spread_minus.z;
     let apart = 0.5 * (plus.v - minus.v);
     var out: Gathered;
     out.v = minus.v + apart;
-    out.B = mat3x3<f32>(0.5 * x + apart * s.skew.x, 0.5 * y_ + apart * s.skew.y, 0.5 * z + apart * s.skew.z);
+    out.B = mat3x3<f32>(0.5 * along_x + apart * s.skew.x, 0.5 * along_y + apart * s.skew.y, 0.5 * along_z + apart * s.skew.z);
     out.fill = FILL_UNIT * 0.5 * (plus.fill + minus.fill);
     if (!MLS) {
         let a = 0.5 * s.slope_plus;
@@ -67,7 +67,7 @@ fn gather(y: vec3<f32>) -> Gathered {
             plus.z * a.z + minus.z * b.z);
     } else if (CENTRED) {
         let inverse = 1.0 / (spread_plus + spread_minus);
-        out.gradient = mat3x3<f32>(x * inverse.x, y_ * inverse.y, z * inverse.z);
+        out.gradient = mat3x3<f32>(along_x * inverse.x, along_y * inverse.y, along_z * inverse.z);
     } else {
         out.gradient = times_inverse_moment(out.B, y);
     }

@@ -39,7 +39,7 @@ fn free(at: u32, gain: vec3<f32>) -> vec4<f32> {
     check_range(max(max(abs(p.x), abs(p.y)), abs(p.z)), HALT_MOMENTUM);
     check_range(mass, HALT_MASS);
     let unit = params.mass_scale / params.momentum_scale;
-    let v = vec3<f32>(p) * (unit / f32(mass)) + gain;
+    let v = vec3<f32>(p) / f32(mass) * unit + gain;
     return vec4<f32>(v, f32(mass) / unit);
 }
 

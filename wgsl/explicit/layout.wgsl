@@ -38,7 +38,7 @@ struct Params {
     fields: u32,             // layers of the block table: bodies with contact of their own, and one; or sides
     sided: u32,              // 1 if layers are sides of plates
     resets: u32,             // 1 if g2p resets particles that are alone
-    spare: u32,
+    steps: u32,              // of the run so far, for `dither`
     // In y, from the domain's corner (cells):
     lowest: vec3<f32>,       // where the planes of sticky walls stop particles
     spare0: u32,

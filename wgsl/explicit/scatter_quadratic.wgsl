@@ -10,6 +10,9 @@ fn of_three(i: u32, first: f32, middle: f32, last: f32) -> f32 {
 /// `tau_impulse` = dt V0 τ / dx; `cells`: cells that the particle fills. False, and nothing done, if that is no number.
 fn scatter(id: u32, y: vec3<f32>, mass: f32, cells: f32, v: vec3<f32>, B: mat3x3<f32>,
     tau_impulse: mat3x3<f32>) -> bool {
+    if (!(norm2(tau_impulse) < 1e30)) {
+        return false;
+    }
     let base = floor(y);
     let f = y - base;
     let g = 1.0 - f;
@@ -25,19 +28,9 @@ fn scatter(id: u32, y: vec3<f32>, mass: f32, cells: f32, v: vec3<f32>, B: mat3x3
     A *= 4.0;
     let total = vec4<f32>((mass * scale) * v, mass * params.mass_scale);
     let corner = total.xyz - A * (f + 0.5);
-    let steps = abs(A[0]) + abs(A[1]) + abs(A[2]);
-    var size = abs(corner) + 2.0 * steps;
-    if (!MLS) {
-        size += abs(push[0]) + abs(push[1]) + abs(push[2]);
-    }
-    let most = max(size.x, max(size.y, size.z));
-    if (!(most < 1073741824.0)) {
-        return false;
-    }
     let volume = cells * params.cell_scale;
-    let r = Roundings(rounding(most), rounding(total.w), rounding(volume));
     let at = first_sum(0u, base);
-    var given: Given;
+    var carry = dither(id);
     // Rows one after the other: fewer registers than all at once.
     for (var row = 0u; row < 9u; row++) {
         let j = row % 3u;
@@ -55,12 +48,12 @@ fn scatter(id: u32, y: vec3<f32>, mass: f32, cells: f32, v: vec3<f32>, B: mat3x3
                 + push[2] * (of_three(k, f.z - 1.0, 1.0 - 2.0 * f.z, f.z) * wy);
         }
         add_to_node(place, vec4<f32>(start, total.w), first.x * weight,
-            along * (1.0 - f.x) - across * first.x, volume, r, &given);
+            along * (1.0 - f.x) - across * first.x, volume, &carry);
         add_to_node(place + 1u, vec4<f32>(start + A[0], total.w), middle.x * weight,
-            along * (2.0 * f.x - 1.0) - across * middle.x, volume, r, &given);
+            along * (2.0 * f.x - 1.0) - across * middle.x, volume, &carry);
         add_to_node(place + 2u, vec4<f32>(start + 2.0 * A[0], total.w), last.x * weight,
-            along * (0.0 - f.x) - across * last.x, volume, r, &given);
+            along * (0.0 - f.x) - across * last.x, volume, &carry);
     }
-    settle(at + 73u, id, total, volume, given);
+    settle(at + 73u, id, total, volume, carry);
     return true;
 }

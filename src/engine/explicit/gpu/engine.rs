@@ -164,6 +164,7 @@ impl GpuEngine {
         self.params.last_step = (course.passes() - 1) as u32;
         self.params.end_dt = if course.staggered { 0.0 } else { dt_s } as f32;
         self.params.resets = u32::from(!course.part);
+        self.params.steps = self.steps as u32;
         self.params.soft_shift = p.cfl as f32;
         self.params.soft_growth = timestep::MAX_GROWTH as f32;
         self.params.soft_demand = (timestep::REPLAN_DEMAND / (dt_s * dt_s)) as f32;

@@ -89,7 +89,7 @@ pub struct Params {
     pub fields: u32,
     pub sided: u32,
     pub resets: u32,
-    pub spare: u32,
+    pub steps: u32,
     pub lowest: [f32; 3],
     pub spare0: u32,
     pub highest: [f32; 3],

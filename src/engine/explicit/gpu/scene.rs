@@ -1,8 +1,8 @@
 //! Bodies, materials and colliders as device data, for both engines.
 
 use super::layout;
-use crate::gpu::{Gpu, law_number};
 use crate::gpu::memory::{Memory, Size, storage};
+use crate::gpu::{Gpu, law_number};
 use gridfall_core::material::Law;
 use gridfall_core::sim::collider::{Collider, Primitive, SdfOp, sided, sides};
 use gridfall_core::sim::reaction::WALLS;

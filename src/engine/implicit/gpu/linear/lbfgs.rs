@@ -158,9 +158,9 @@ mod tests {
 
     use super::super::problem_tests::{Sample, distance, random, read_field, scene, write_field};
     use super::*;
+    use crate::gpu::Variant;
     use crate::gpu::device::test_gpu;
     use crate::gpu::program::Programs;
-    use crate::gpu::Variant;
     use gridfall_core::sim::settings::Implicit;
     use gridfall_core::sim::setup::Kernel;
 
