@@ -72,7 +72,7 @@ fn scatter(id: u32, y: vec3<f32>, mass: f32, cells: f32, v: vec3<f32>, B: mat3x3
     }
     let volume = cells * params.cell_scale;
     let first = first_sum(0u, s.base);
-    var carry = dither(id);
+    var carry: Carry;
     var at = first;
     var side = SUM_PLUS;
     var share = Share(vec4<f32>(plus, total.w), A, push_plus, volume, s.lower_plus, s.upper_plus);

@@ -30,7 +30,7 @@ fn scatter(id: u32, y: vec3<f32>, mass: f32, cells: f32, v: vec3<f32>, B: mat3x3
     let corner = total.xyz - A * (f + 0.5);
     let volume = cells * params.cell_scale;
     let at = first_sum(0u, base);
-    var carry = dither(id);
+    var carry: Carry;
     // Rows one after the other: fewer registers than all at once.
     for (var row = 0u; row < 9u; row++) {
         let j = row % 3u;

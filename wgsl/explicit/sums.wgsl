@@ -1,22 +1,22 @@
 // A particle's share in the sums of nodes: integers whose total is right to half a unit.
 //
 // The rounding error of a node's share is carried over to the particle's next node; what lacks from the total at the
-// end, because Σ w = 1 holds only to rounding, goes to the nearest one. Carry and total of the momentum begin at
-// random (`dither`): with plain rounding, a lattice of particles that all round alike would drift by a share of a
-// unit in every step, and what far nodes get, often less than half a unit, would be lost to the angular momentum.
+// end, because Σ w = 1 holds only to rounding, goes to the nearest one. The total of the momentum is rounded up or
+// down at random (`dither`): with plain rounding, a lattice of particles that all round alike would drift by a share
+// of a unit in every step. Without the carry, what far nodes get, often less than half a unit, would be lost to the
+// angular momentum.
 //
 // uses explicit/tile
 
 /// Rounding errors that the next node gets, of momentum and mass, and of the volume; and what nodes got (units).
 struct Carry { value: vec4<f32>, volume: f32, given: vec4<i32>, given_volume: i32 }
 
-/// The carry that a particle begins a step with: from a hash of both (PCG, Jarzynski & Olano 2020), in [-½, ½).
-fn dither(id: u32) -> Carry {
+/// Three values in [-½, ½) from a hash of particle and step (PCG, Jarzynski & Olano 2020).
+fn dither(id: u32) -> vec3<f32> {
     let state = (id ^ ((params.steps + report.index) * 0x9e3779b9u)) * 747796405u + 2891336453u;
     let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
     let h = (word >> 22u) ^ word;
-    let value = vec4<f32>((vec4<u32>(h) >> vec4<u32>(0u, 8u, 16u, 24u)) & vec4<u32>(255u)) * (1.0 / 256.0) - 0.498046875;
-    return Carry(value, value.x, vec4<i32>(0), 0);
+    return vec3<f32>((vec3<u32>(h) >> vec3<u32>(0u, 8u, 16u)) & vec3<u32>(255u)) * (1.0 / 256.0) - 0.498046875;
 }
 
 fn add_units(at: u32, units: vec4<i32>, volume: i32) {
@@ -53,7 +53,7 @@ fn add_to_node(at: u32, value: vec4<f32>, weight: f32, more: vec3<f32>, volume: 
 
 /// Gives a node what lacks from a particle's total, of momentum and mass and of the volume.
 fn settle(at: u32, id: u32, total: vec4<f32>, volume: f32, carry: Carry) {
-    let due = vec4<i32>(round(total + vec4<f32>(dither(id).value.xyz, 0.0)));
+    let due = vec4<i32>(round(total + vec4<f32>(dither(id), 0.0)));
     var lacking = 0;
     if (FILLS == FILLS_VOLUME) {
         lacking = i32(round(volume)) - carry.given_volume;
