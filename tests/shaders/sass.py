@@ -30,8 +30,10 @@ OPTIONS = ["-default-device", "-prec-div=false", "-prec-sqrt=false", "-ftz=true"
            f"-I{WHEELS}/nvidia/cuda_runtime/include"]
 
 # What Slang's prelude lacks or does badly. It reads byte buffers a byte at a time, because it does not know their alignment; a
-# Vulkan driver does. And it has no shifts of signed vectors by unsigned ones.
+# Vulkan driver does. It rounds halves away from zero, which takes four instructions; WGSL's rounding to even takes one. And it
+# has no shifts of signed vectors by unsigned ones.
 MENDS = [
+    ("return ::roundf(f);", "return ::rintf(f);"),
     ("memcpy(&data, ((const char*)this->data) + index, sizeof(T));",
      "{ uint32_t* q = (uint32_t*)&data; for (int i = 0; i < int(sizeof(T) / 4); i++) "
      "q[i] = ((const uint32_t*)this->data)[(index >> 2) + i]; }"),

@@ -10,8 +10,9 @@ use crate::contract::{Backend, EngineError};
 
 /// Workgroup memory that a program may take (bytes). The largest has the read tile, the scatter
 /// tile and the tables of the compact kernel.
-pub const WORKGROUP_BYTES: u32 = 28 * 1024;
-/// Lanes of a workgroup on a GPU, for programs that leave it open: many hide latency.
+pub const WORKGROUP_BYTES: u32 = 24 * 1024;
+/// Lanes of a workgroup on a GPU, for programs that leave it open: many hide latency. At least 27, one a neighbour of a
+/// block.
 pub const WORKGROUP: u32 = 128;
 /// The same on a software driver, whose lanes are slow to start.
 const SOFTWARE_WORKGROUP: u32 = 64;
