@@ -16,7 +16,7 @@
 use super::StvkHencky;
 use super::opening;
 use super::parameters::{self, Cone};
-use super::principal::{Principal, flowing_along, mean_and_deviator, norm, radial};
+use super::principal::{Flow, Principal, clamped, flowing_along, logarithms, mean_and_deviator, norm, radial};
 use crate::maths::linalg::{Matrix, Vector};
 use crate::maths::real::Real;
 
@@ -45,11 +45,13 @@ impl<T: Real> DruckerPrager<T> {
     }
 
     /// The cone in a number of dimensions.
+    #[inline(always)]
     pub fn slopes(&self, dimension: usize) -> Slopes<T> {
         self.slopes[dimension - 2]
     }
 
     /// α K: how the norm of the deviator that the cone allows grows with −tr ε.
+    #[inline(always)]
     pub fn growth(&self, dimension: usize) -> T {
         let StvkHencky { mu, lambda } = self.elastic;
         self.slopes(dimension).friction * (T::from_i32(dimension as i32) * lambda + T::TWO * mu) / (T::TWO * mu)
@@ -76,9 +78,10 @@ struct Trial<T, const D: usize> {
 }
 
 impl<T: Real> DruckerPrager<T> {
+    #[inline(always)]
     fn trial<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Trial<T, D> {
         let d = T::from_i32(D as i32);
-        let (mean, deviator) = mean_and_deviator(&sigma.map(T::ln));
+        let (mean, deviator) = mean_and_deviator(&logarithms(sigma));
         let (trace, apart) = opening::close(d * mean, plastic);
         let Slopes { dilatancy, strength, .. } = self.slopes(D);
         let dilation = if apart > T::ZERO { T::ZERO } else { d * dilatancy };
@@ -88,6 +91,23 @@ impl<T: Real> DruckerPrager<T> {
         let flow = (length + growth * trace - strength) / (T::ONE + growth * dilation);
         let closing = mean < T::ZERO && apart > T::ZERO;
         Trial { deviator, length, trace, apart, dilation, tip, opened, flow, closing }
+    }
+
+    /// The strain on or inside the yield surface, v_c there, and whether either is not that of the trial
+    /// state. Without branches, so that loops over particles vectorise.
+    #[inline(always)]
+    fn returned<const D: usize>(&self, trial: &Trial<T, D>, plastic: T) -> (Vector<T, D>, T, bool) {
+        let Trial { deviator, length, trace, apart, dilation, tip, opened, flow, .. } = *trial;
+        let (opens, flows) = (opened >= T::ZERO, flow > T::ZERO);
+        let flow = if flows { flow } else { T::ZERO };
+        let kept = if flows { T::ONE - flow / length } else { T::ONE };
+        let kept = if opens { T::ZERO } else { kept };
+        let mean = (if opens { tip } else { trace - flow * dilation }) / T::from_i32(D as i32);
+        let mut strain = deviator;
+        for e in &mut strain {
+            *e = mean + kept * *e;
+        }
+        (strain, if opens { apart + opened } else { apart }, opens | flows | (apart != plastic))
     }
 }
 
@@ -116,25 +136,39 @@ impl<T: Real> Principal<T> for DruckerPrager<T> {
         self.elastic.energy(sigma, plastic)
     }
 
+    #[inline(always)]
     fn kirchhoff<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Vector<T, D> {
         self.elastic.kirchhoff(sigma, plastic)
     }
 
+    #[inline(always)]
     fn stiffness<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> T {
         self.elastic.stiffness(sigma, plastic)
     }
 
     fn return_map<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Option<(Vector<T, D>, T)> {
-        let d = T::from_i32(D as i32);
-        let Trial { deviator, length, trace, apart, dilation, tip, opened, flow, .. } = self.trial(sigma, plastic);
-        if opened >= T::ZERO {
-            return Some(([(tip / d).exp(); D], apart + opened));
+        let (strain, apart, changed) = self.returned(&self.trial(sigma, plastic), plastic);
+        changed.then(|| (strain.map(T::exp), apart))
+    }
+
+    /// As the return map and the stress after it, with one logarithm and one exponential an axis.
+    #[inline(always)]
+    fn flow<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Flow<T, D> {
+        let trial = clamped(sigma);
+        let (strain, state, changed) = self.returned(&self.trial(&trial, plastic), plastic);
+        let (mut after, mut moved) = (trial, false);
+        for i in 0..D {
+            let stretch = strain[i].exp();
+            after[i] = if changed { stretch } else { trial[i] };
+            moved |= after[i] != sigma[i];
         }
-        if flow <= T::ZERO {
-            return (apart != plastic).then(|| (deviator.map(|e| (trace / d + e).exp()), apart));
+        Flow {
+            sigma: after,
+            plastic: state,
+            moved,
+            tau: self.elastic.stress(&strain),
+            stiffness: self.elastic.stiffness_at(&strain),
         }
-        let (mean, kept) = ((trace - flow * dilation) / d, T::ONE - flow / length);
-        Some((deviator.map(|e| (mean + kept * e).exp()), apart))
     }
 
     /// That of flow which is associated with a cone of the dilatancy angle, of the same radius

@@ -33,7 +33,7 @@ pub use measures::{hencky_strain, plastic_strain};
 pub use mohr_coulomb::MohrCoulomb;
 pub use nacc::Nacc;
 pub use neo_hookean::NeoHookean;
-pub use principal::Flow;
+pub use principal::{Flow, Principal};
 pub use samples::samples;
 pub use snow::Snow;
 pub use stiffness::{Projected, Tensor4};
@@ -164,7 +164,24 @@ impl<T: Real> Law<T> {
     /// others.
     #[inline(always)]
     pub fn flow_principal<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Option<Flow<T, D>> {
-        principal!(self, law => Some(principal::flow(law, sigma, plastic)), {
+        principal!(self, law => Some(principal::Principal::flow(law, sigma, plastic)), {
+            Self::FixedCorotated(_) | Self::NeoHookean(_) | Self::WeaklyCompressibleFluid(_) => None,
+        })
+    }
+
+    /// Principal Kirchhoff stresses and the stiffness ρ0 c² (Pa) at singular values of F, for laws in principal
+    /// space. `None` for the others.
+    #[inline(always)]
+    pub fn principal_stress<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Option<(Vector<T, D>, T)> {
+        fn at<T: Real, L: Principal<T>, const D: usize>(
+            law: &L,
+            sigma: &Vector<T, D>,
+            plastic: T,
+        ) -> (Vector<T, D>, T) {
+            let sigma = principal::clamped(sigma);
+            (law.kirchhoff(&sigma, plastic), law.stiffness(&sigma, plastic))
+        }
+        principal!(self, law => Some(at(law, sigma, plastic)), {
             Self::FixedCorotated(_) | Self::NeoHookean(_) | Self::WeaklyCompressibleFluid(_) => None,
         })
     }

@@ -11,6 +11,7 @@
 use crate::maths::real::Real;
 
 /// The trace of ε and v_c once compression has closed what it can of the opening.
+#[inline(always)]
 pub fn close<T: Real>(trace: T, opening: T) -> (T, T) {
     let closed = (-trace).max(T::ZERO).min(opening);
     (trace + closed, opening - closed)
@@ -18,6 +19,7 @@ pub fn close<T: Real>(trace: T, opening: T) -> (T, T) {
 
 /// A strength over what makes it grow, for the pressure of a tip. Without strength the tip is at
 /// rest, even where nothing grows; with it and without growth, it is out of reach.
+#[inline(always)]
 pub fn tip<T: Real>(strength: T, growth: T) -> T {
     strength / growth.max(T::from_f64(LEAST_GROWTH))
 }

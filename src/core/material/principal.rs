@@ -35,13 +35,52 @@ pub trait Principal<T: Real> {
         None
     }
 
+    /// Return map and stress for singular values as a decomposition gives them.
+    #[inline(always)]
+    fn flow<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Flow<T, D> {
+        let trial = clamped(sigma);
+        let (after, state) = self.return_map(&trial, plastic).unwrap_or((trial, plastic));
+        Flow {
+            sigma: after,
+            plastic: state,
+            moved: Self::PLASTIC && after != *sigma,
+            tau: self.kirchhoff(&after, state),
+            stiffness: self.stiffness(&after, state),
+        }
+    }
+
     /// ∂τ_i/∂ε_j (Pa), τ the stress after the return map and ε = ln σ before it, for Newton's
     /// method: what has no potential is left out or not symmetric, as each law says.
     fn returned_tangent<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> Matrix<T, D>;
 }
 
-fn clamped<T: Real, const D: usize>(sigma: &Vector<T, D>) -> Vector<T, D> {
-    sigma.map(|s| s.max(T::from_f64(MIN_STRETCH)).min(T::from_f64(MAX_STRETCH)))
+#[inline(always)]
+pub fn clamped<T: Real, const D: usize>(sigma: &Vector<T, D>) -> Vector<T, D> {
+    let mut clamped = *sigma;
+    for s in &mut clamped {
+        *s = s.max(T::from_f64(MIN_STRETCH)).min(T::from_f64(MAX_STRETCH));
+    }
+    clamped
+}
+
+/// ln σ_i.
+#[inline(always)]
+pub fn logarithms<T: Real, const D: usize>(sigma: &Vector<T, D>) -> Vector<T, D> {
+    let mut strain = *sigma;
+    for e in &mut strain {
+        *e = e.ln();
+    }
+    strain
+}
+
+/// Σ a_i.
+#[inline(always)]
+pub fn total<T: Real, const D: usize>(a: &Vector<T, D>) -> T {
+    let mut sum = a[0];
+    for i in 1..D {
+        sum += a[i];
+    }
+    sum
 }
 
 /// ψ(F) (J/m³).
@@ -70,19 +109,6 @@ pub struct Flow<T, const D: usize> {
     pub stiffness: T,
 }
 
-/// Return map and stress for singular values as a decomposition gives them.
-pub fn flow<T: Real, L: Principal<T>, const D: usize>(law: &L, sigma: &Vector<T, D>, plastic: T) -> Flow<T, D> {
-    let trial = clamped(sigma);
-    let (after, state) = law.return_map(&trial, plastic).unwrap_or((trial, plastic));
-    Flow {
-        sigma: after,
-        plastic: state,
-        moved: L::PLASTIC && after != *sigma,
-        tau: law.kirchhoff(&after, state),
-        stiffness: law.stiffness(&after, state),
-    }
-}
-
 /// U diag(values) Vᵀ.
 pub fn spectral<T: Real, const D: usize>(u: &Matrix<T, D>, values: &Vector<T, D>, v: &Matrix<T, D>) -> Matrix<T, D> {
     let mut scaled = *u;
@@ -107,8 +133,12 @@ pub fn product<T: Real, const D: usize>(sigma: &Vector<T, D>) -> T {
 /// Σ a_i / D, and a_i − that.
 #[inline(always)]
 pub fn mean_and_deviator<T: Real, const D: usize>(a: &Vector<T, D>) -> (T, Vector<T, D>) {
-    let mean = a.iter().copied().sum::<T>() / T::from_i32(D as i32);
-    (mean, a.map(|x| x - mean))
+    let mean = total(a) / T::from_i32(D as i32);
+    let mut deviator = *a;
+    for x in &mut deviator {
+        *x += -mean;
+    }
+    (mean, deviator)
 }
 
 /// bulk 1 1ᵀ + along n nᵀ + across (I − 1 1ᵀ/d − n nᵀ), n the direction of a deviator: the tangent
@@ -143,5 +173,5 @@ pub fn flowing_along<T: Real, const D: usize>(c: &Matrix<T, D>, m: &Vector<T, D>
 /// Euclidean length.
 #[inline(always)]
 pub fn norm<T: Real, const D: usize>(a: &Vector<T, D>) -> T {
-    a.iter().map(|&x| x * x).sum::<T>().sqrt()
+    dot(a, a).sqrt()
 }

@@ -6,7 +6,7 @@
 
 use super::lame;
 use super::parameters::Elastic;
-use super::principal::Principal;
+use super::principal::{Principal, logarithms, total};
 use crate::maths::linalg::{Matrix, Vector};
 use crate::maths::real::Real;
 
@@ -26,6 +26,32 @@ impl<T: Real> StvkHencky<T> {
     /// λ + 2μ/d (Pa).
     pub(super) fn bulk(&self, dimension: usize) -> T {
         self.lambda + T::TWO * self.mu / T::from_i32(dimension as i32)
+    }
+
+    /// τ (Pa) at the strain ε.
+    #[inline(always)]
+    pub(super) fn stress<const D: usize>(&self, strain: &Vector<T, D>) -> Vector<T, D> {
+        let across = self.lambda * total(strain);
+        let mut tau = *strain;
+        for i in 0..D {
+            tau[i] = T::TWO * self.mu * strain[i] + across;
+        }
+        tau
+    }
+
+    /// [`Principal::stiffness`] at the strain ε. Along the axes σ_i² ψ_ii = λ + 2μ − τ_i. Across them
+    /// 2μ Δ/(1 − e^−2Δ) ≤ μ (1 + 2Δ), Δ the difference of two strains.
+    #[inline(always)]
+    pub(super) fn stiffness_at<const D: usize>(&self, strain: &Vector<T, D>) -> T {
+        let (mut low, mut high) = (strain[0], strain[0]);
+        for i in 1..D {
+            low = low.min(strain[i]);
+            high = high.max(strain[i]);
+        }
+        let two_mu = T::TWO * self.mu;
+        let least = two_mu * low + self.lambda * total(strain);
+        let across = self.mu * (T::ONE + T::TWO * (high - low));
+        (self.lambda + two_mu - least).max(across)
     }
 
     /// ∂τ_i/∂ε_j = 2μ δ_ij + λ (Pa).
@@ -51,23 +77,13 @@ impl<T: Real> Principal<T> for StvkHencky<T> {
         self.tangent()
     }
 
+    #[inline(always)]
     fn kirchhoff<const D: usize>(&self, sigma: &Vector<T, D>, _plastic: T) -> Vector<T, D> {
-        let strain = sigma.map(T::ln);
-        let trace = strain.iter().copied().sum::<T>();
-        strain.map(|e| T::TWO * self.mu * e + self.lambda * trace)
+        self.stress(&logarithms(sigma))
     }
 
-    /// Along the axes σ_i² ψ_ii = λ + 2μ − τ_i. Across them 2μ Δ/(1 − e^−2Δ) ≤ μ (1 + 2Δ), Δ the
-    /// difference of two strains.
-    fn stiffness<const D: usize>(&self, sigma: &Vector<T, D>, plastic: T) -> T {
-        let (mut low, mut high) = (sigma[0], sigma[0]);
-        for s in sigma {
-            low = low.min(*s);
-            high = high.max(*s);
-        }
-        let tau = self.kirchhoff(sigma, plastic);
-        let least = tau.iter().copied().fold(tau[0], T::min);
-        let across = self.mu * (T::ONE + T::TWO * (high / low).ln());
-        (self.lambda + T::TWO * self.mu - least).max(across)
+    #[inline(always)]
+    fn stiffness<const D: usize>(&self, sigma: &Vector<T, D>, _plastic: T) -> T {
+        self.stiffness_at(&logarithms(sigma))
     }
 }

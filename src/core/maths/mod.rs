@@ -3,5 +3,6 @@
 
 pub mod linalg;
 pub mod real;
+mod single;
 pub mod svd;
 pub mod widest;

@@ -1,8 +1,8 @@
 //! The scalar type that numerics are generic in: `f32` or `f64`.
 //!
 //! It has only what the formulas need, and nothing that would keep a loop over particles from
-//! vectorising. Every method is a plain hardware operation, except the last few, which call the
-//! mathematics library.
+//! vectorising. Every method is a plain hardware operation, except the last few: of these, `single` has
+//! what laws need most in `f32`, and the others call the mathematics library.
 
 use std::fmt::{Debug, Display};
 use std::iter::Sum;
@@ -58,7 +58,7 @@ pub trait Real:
 }
 
 macro_rules! real {
-    ($t:ident, $shift:expr) => {
+    ($t:ident, $shift:expr, $($functions:ident)::+) => {
         impl Real for $t {
             const ZERO: Self = 0.0;
             const HALF: Self = 0.5;
@@ -116,7 +116,7 @@ macro_rules! real {
             }
             #[inline(always)]
             fn ln(self) -> Self {
-                $t::ln(self)
+                $($functions)::+::ln(self)
             }
             #[inline(always)]
             fn ln_1p(self) -> Self {
@@ -124,11 +124,11 @@ macro_rules! real {
             }
             #[inline(always)]
             fn exp(self) -> Self {
-                $t::exp(self)
+                $($functions)::+::exp(self)
             }
             #[inline(always)]
             fn exp_m1(self) -> Self {
-                $t::exp_m1(self)
+                $($functions)::+::exp_m1(self)
             }
             #[inline(always)]
             fn powf(self, exponent: Self) -> Self {
@@ -138,8 +138,8 @@ macro_rules! real {
     };
 }
 
-real!(f32, 12_582_912.0f32);
-real!(f64, 6_755_399_441_055_744.0f64);
+real!(f32, 12_582_912.0f32, super::single);
+real!(f64, 6_755_399_441_055_744.0f64, f64);
 
 #[cfg(test)]
 mod tests {

@@ -1,6 +1,8 @@
 //! Particle storage: structures of arrays of a fixed number of lanes, so that arithmetic on
 //! particles is vectorised and a block's particles are contiguous.
 
+use super::near::Starts;
+use super::tile::index;
 use gridfall_core::maths::linalg::{Matrix, Vector, apply};
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::kernel::{ShapeFunction, times_inverse_diagonal};
@@ -46,8 +48,8 @@ pub enum State<T, const D: usize> {
     Fluid {
         /// Volume ratio.
         j: Lanes<T>,
-        /// ∇v (1/s) of the last G2P, which viscosity acts with.
-        grad_v: MatrixLanes<T, D>,
+        /// ∇v (1/s) of the last G2P, where viscosity acts with it.
+        grad_v: Option<Box<MatrixLanes<T, D>>>,
     },
 }
 
@@ -55,6 +57,7 @@ pub enum State<T, const D: usize> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     Fluid,
+    Viscous,
     Solid,
     Damped,
 }
@@ -63,42 +66,43 @@ impl<T: Real, const D: usize> State<T, D> {
     /// At rest.
     pub fn rest(kind: Kind) -> Self {
         let zero = [[[T::ZERO; LANES]; D]; D];
-        if kind == Kind::Fluid {
-            return Self::Fluid { j: [T::ONE; LANES], grad_v: zero };
+        let grad_v = matches!(kind, Kind::Viscous | Kind::Damped).then(|| Box::new(zero));
+        if matches!(kind, Kind::Fluid | Kind::Viscous) {
+            return Self::Fluid { j: [T::ONE; LANES], grad_v };
         }
         let mut f = zero;
         for a in 0..D {
             f[a][a] = [T::ONE; LANES];
         }
-        Self::Solid { f, plastic: [T::ZERO; LANES], grad_v: (kind == Kind::Damped).then(|| Box::new(zero)) }
+        Self::Solid { f, plastic: [T::ZERO; LANES], grad_v }
     }
 
     /// ∇v (1/s) that the next P2G acts with, if viscosity or damping does.
     pub fn grad_v(&mut self) -> Option<&mut MatrixLanes<T, D>> {
         match self {
-            Self::Solid { grad_v, .. } => grad_v.as_deref_mut(),
-            Self::Fluid { grad_v, .. } => Some(grad_v),
+            Self::Solid { grad_v, .. } | Self::Fluid { grad_v, .. } => grad_v.as_deref_mut(),
         }
     }
 
     /// Copies a particle's state from a chunk of the same body.
     fn copy(&mut self, lane: usize, from: &Self, from_lane: usize) {
-        match (self, from) {
+        let (to_rates, from_rates) = match (self, from) {
             (
                 Self::Solid { f, plastic, grad_v },
                 Self::Solid { f: from, plastic: from_plastic, grad_v: from_grad_v },
             ) => {
                 copy_matrix(f, lane, from, from_lane);
                 plastic[lane] = from_plastic[from_lane];
-                if let (Some(grad_v), Some(from)) = (grad_v, from_grad_v) {
-                    copy_matrix(grad_v, lane, from, from_lane);
-                }
+                (grad_v, from_grad_v)
             }
-            (Self::Fluid { j, grad_v }, Self::Fluid { j: from_j, grad_v: from }) => {
-                copy_matrix(grad_v, lane, from, from_lane);
+            (Self::Fluid { j, grad_v }, Self::Fluid { j: from_j, grad_v: from_grad_v }) => {
                 j[lane] = from_j[from_lane];
+                (grad_v, from_grad_v)
             }
             _ => unreachable!("a body is a fluid or it is not"),
+        };
+        if let (Some(to), Some(from)) = (to_rates, from_rates) {
+            copy_matrix(to, lane, from, from_lane);
         }
     }
 }
@@ -177,13 +181,15 @@ pub fn set_matrix<T: Real, const D: usize>(lanes: &mut [[Lanes<T>; D]; D], l: us
     }
 }
 
+/// What takes a weight's place in a sum over nodes, per axis, grid and node along the axis.
+pub type Others<T, const D: usize, const G: usize, const W: usize> = [[[Lanes<T>; W]; G]; D];
+
 /// Nodes and weights of the particles of a chunk.
 #[derive(Clone, Debug)]
 pub struct Stencils<T, const D: usize, const G: usize, const W: usize> {
     pub base: [[Lanes<i32>; G]; D],
     pub offset: [[Lanes<T>; G]; D],
     pub weight: [[[Lanes<T>; W]; G]; D],
-    pub slope: [[[Lanes<T>; W]; G]; D],
     pub spread: [Lanes<T>; D],
     pub skew: [Lanes<T>; D],
 }
@@ -195,7 +201,6 @@ impl<T: Real, const D: usize, const G: usize, const W: usize> Stencils<T, D, G, 
             base: [[[0; LANES]; G]; D],
             offset: [[[T::ZERO; LANES]; G]; D],
             weight: [[[[T::ZERO; LANES]; W]; G]; D],
-            slope: [[[[T::ZERO; LANES]; W]; G]; D],
             spread: [[T::ZERO; LANES]; D],
             skew: [[T::ZERO; LANES]; D],
         };
@@ -209,7 +214,6 @@ impl<T: Real, const D: usize, const G: usize, const W: usize> Stencils<T, D, G, 
                     s.offset[a][g][l] = axis.offset[g];
                     for k in 0..W {
                         s.weight[a][g][k][l] = axis.weight[g][k];
-                        s.slope[a][g][k][l] = axis.slope[g][k];
                     }
                 }
             }
@@ -217,20 +221,59 @@ impl<T: Real, const D: usize, const G: usize, const W: usize> Stencils<T, D, G, 
         s
     }
 
-    /// w (x_i − x_p)/dx per axis and node.
+    /// d weight / d x_p, times dx, per axis and node.
     #[inline(always)]
-    pub fn moments(&self) -> [[[Lanes<T>; W]; G]; D] {
+    pub fn slopes<K: ShapeFunction<G, W>>(x: &[Lanes<T>; D]) -> Others<T, D, G, W> {
+        let mut slopes = [[[[T::ZERO; LANES]; W]; G]; D];
+        for a in 0..D {
+            for l in 0..LANES {
+                let axis = K::axis(x[a][l]);
+                for g in 0..G {
+                    for k in 0..W {
+                        slopes[a][g][k][l] = axis.slope[g][k];
+                    }
+                }
+            }
+        }
+        slopes
+    }
+
+    /// w (x_i − x_p − x̄_s)/dx per axis and node, x̄_s the mean of grid s.
+    #[inline(always)]
+    pub fn moments(&self) -> Others<T, D, G, W> {
         let mut moments = self.weight;
         for a in 0..D {
             for g in 0..G {
-                for k in 0..W {
-                    for l in 0..LANES {
+                for l in 0..LANES {
+                    // Of two nodes, each lies from the mean by the weight of the other.
+                    if W == 2 {
+                        let product = self.weight[a][g][0][l] * self.weight[a][g][1][l];
+                        (moments[a][g][0][l], moments[a][g][1][l]) = (-product, product);
+                        continue;
+                    }
+                    for k in 0..W {
                         moments[a][g][k][l] *= self.offset[a][g][l] + T::from_i32(k as i32);
                     }
                 }
             }
         }
         moments
+    }
+
+    /// Where in a tile the particles' lowest nodes are.
+    #[inline(always)]
+    pub fn starts(&self, lowest: &[i32; 2]) -> Starts<G> {
+        let mut starts = [[0; LANES]; G];
+        for g in 0..G {
+            for l in 0..LANES {
+                let mut base = [0; D];
+                for a in 0..D {
+                    base[a] = self.base[a][g][l];
+                }
+                starts[g][l] = index::<D, G, W>(g, base, lowest[g]);
+            }
+        }
+        starts
     }
 
     /// ½ Σ_s Σ_i w² of every particle: what Σ w m_i / m_p is when no other particle shares its nodes.

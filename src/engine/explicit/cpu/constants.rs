@@ -44,14 +44,15 @@ impl<T: Real> Relaxation<T> {
     }
 }
 
-impl<T> BodySetup<T> {
+impl<T: Real> BodySetup<T> {
     pub fn is_fluid(&self) -> bool {
         matches!(self.law, Law::WeaklyCompressibleFluid(_))
     }
 
     pub fn kind(&self) -> Kind {
-        match (self.is_fluid(), &self.damping) {
-            (true, _) => Kind::Fluid,
+        match (&self.law, &self.damping) {
+            (Law::WeaklyCompressibleFluid(fluid), _) if fluid.viscosity == T::ZERO => Kind::Fluid,
+            (Law::WeaklyCompressibleFluid(_), _) => Kind::Viscous,
             (_, Some(_)) => Kind::Damped,
             _ => Kind::Solid,
         }

@@ -84,34 +84,38 @@ widest! {
     }
 }
 
-/// Fills near surfaces and of mixed materials, from those of all room and equal materials. Apart from
-/// the loop that gathers, which is to stay as small as it is.
-#[inline(never)]
-pub fn beside<T: Real, const D: usize, const G: usize, const W: usize>(
-    layout: &Layout,
-    count: usize,
-    stencils: &Stencils<T, D, G, W>,
-    around: &Around<T, D>,
-    fill: &mut Lanes<T>,
-) {
-    // A particle behind a surface counts as one on it: half of its room on every axis.
-    let least = T::from_f64(0.5f64.powi(D as i32));
-    for l in 0..count {
+widest! {
+    /// Fills near surfaces and of mixed materials, from those of all room and equal materials. Apart from
+    /// the loop that gathers, which is to stay as small as it is.
+    pub fn beside[T: Real, const D: usize, const G: usize, const W: usize][T, D, G, W](
+        layout: &Layout,
+        count: usize,
+        stencils: &Stencils<T, D, G, W>,
+        around: &Around<T, D>,
+        fill: &mut Lanes<T>,
+    ) {
         if let Some(filled) = around.filled {
-            let mut sum = T::ZERO;
-            each_node(layout, stencils, None, l, |at, w| sum += w * filled[at]);
-            fill[l] = sum / T::from_i32(G as i32);
-        }
-        let room = match (around.walls, around.room) {
-            (None, None) => continue,
-            (Some(walls), None) => inside_walls(layout, stencils, walls, l),
-            (walls, Some(room)) => {
+            for l in 0..count {
                 let mut sum = T::ZERO;
-                each_node(layout, stencils, walls, l, |at, w| sum += w * room[at]);
-                sum
+                each_node(layout, stencils, None, l, |at, w| sum += w * filled[at]);
+                fill[l] = sum / T::from_i32(G as i32);
             }
-        };
-        fill[l] = fill[l] / (room / T::from_i32(G as i32)).max(least);
+        }
+        let mut sums = [T::ZERO; LANES];
+        match (around.walls, around.room) {
+            (None, None) => return,
+            (Some(walls), None) => inside_walls(layout, stencils, walls, &mut sums),
+            (walls, Some(room)) => {
+                for l in 0..count {
+                    each_node(layout, stencils, walls, l, |at, w| sums[l] += w * room[at]);
+                }
+            }
+        }
+        // A particle behind a surface counts as one on it: half of its room on every axis.
+        let least = T::from_f64(0.5f64.powi(D as i32));
+        for l in 0..LANES {
+            fill[l] = fill[l] / (sums[l] / T::from_i32(G as i32)).max(least);
+        }
     }
 }
 
@@ -121,28 +125,36 @@ fn inside_walls<T: Real, const D: usize, const G: usize, const W: usize>(
     layout: &Layout,
     stencils: &Stencils<T, D, G, W>,
     walls: &WallRoom<T, D>,
-    l: usize,
-) -> T {
-    let mut sum = T::ZERO;
+    sums: &mut Lanes<T>,
+) {
     for g in 0..G {
-        let mut product = T::ONE;
+        let mut product = [T::ONE; LANES];
         for a in 0..D {
             let Some(shares) = &walls[a] else { continue };
-            let first = (stencils.base[a][g][l] - layout.lowest[g]) as usize;
-            let mut along = T::ZERO;
-            for k in 0..W {
-                along += stencils.weight[a][g][k][l] * shares[g][first + k];
+            let mut found = [[T::ZERO; LANES]; W];
+            for l in 0..LANES {
+                let first = (stencils.base[a][g][l] - layout.lowest[g]) as usize;
+                for k in 0..W {
+                    found[k][l] = shares[g][first + k];
+                }
             }
-            product *= along;
+            for l in 0..LANES {
+                let mut along = T::ZERO;
+                for k in 0..W {
+                    along += stencils.weight[a][g][k][l] * found[k][l];
+                }
+                product[l] *= along;
+            }
         }
-        sum += product;
+        for l in 0..LANES {
+            sums[l] += product[l];
+        }
     }
-    sum
 }
 
 /// Calls `visit` with every node of a particle and its weight, times the node's share inside walls if given.
 #[inline(always)]
-fn each_node<T: Real, const D: usize, const G: usize, const W: usize>(
+pub fn each_node<T: Real, const D: usize, const G: usize, const W: usize>(
     layout: &Layout,
     s: &Stencils<T, D, G, W>,
     walls: Option<&WallRoom<T, D>>,

@@ -4,8 +4,8 @@
 //! In: trial states of a chunk's particles, after F's update. Out: states on or inside the yield
 //! surface, and τ there. One thread a block.
 
-use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, State, matrix, set_matrix};
-use gridfall_core::material::Law;
+use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, State, matrix, set_matrix, vector};
+use gridfall_core::material::{Law, Principal};
 use gridfall_core::maths::linalg::det;
 use gridfall_core::maths::real::Real;
 use gridfall_core::maths::svd::{Svd, svd};
@@ -41,35 +41,83 @@ widest! {
         let Spectra { u, mut sigma, v } = spectra;
         let mut stress = sigma;
         let mut moved = [false; LANES];
-        let mut most = T::ZERO;
-        for l in 0..chunk.count {
-            let mut trial = [T::ZERO; D];
-            for k in 0..D {
-                trial[k] = sigma[k][l];
-            }
-            let flow = law.flow_principal(&trial, plastic[l]).expect("a law in principal space");
-            for k in 0..D {
-                sigma[k][l] = flow.sigma[k];
-                stress[k][l] = flow.tau[k];
-            }
-            moved[l] = flow.moved;
-            plastic[l] = flow.plastic;
-            most = most.max(flow.stiffness);
-        }
-        for i in 0..D {
-            for j in 0..D {
+        let mut stiffness = [T::ZERO; LANES];
+        // A law of its own loop, where it vectorises.
+        match law {
+            Law::DruckerPrager(law) => {
                 for l in 0..LANES {
-                    let (mut f, mut t) = (T::ZERO, T::ZERO);
+                    let flow = law.flow(&vector(&sigma, l), plastic[l]);
                     for k in 0..D {
-                        f += u[i][k][l] * sigma[k][l] * v[j][k][l];
-                        t += u[i][k][l] * stress[k][l] * u[j][k][l];
+                        (sigma[k][l], stress[k][l]) = (flow.sigma[k], flow.tau[k]);
                     }
-                    deformation[i][j][l] = if moved[l] { f } else { deformation[i][j][l] };
-                    tau[i][j][l] = t;
+                    (moved[l], plastic[l], stiffness[l]) = (flow.moved, flow.plastic, flow.stiffness);
+                }
+            }
+            _ => {
+                for l in 0..chunk.count {
+                    let flow = law.flow_principal(&vector(&sigma, l), plastic[l]).expect("a law in principal space");
+                    for k in 0..D {
+                        (sigma[k][l], stress[k][l]) = (flow.sigma[k], flow.tau[k]);
+                    }
+                    (moved[l], plastic[l], stiffness[l]) = (flow.moved, flow.plastic, flow.stiffness);
                 }
             }
         }
+        let most = stiffness[..chunk.count].iter().copied().fold(T::ZERO, T::max);
+        for i in 0..D {
+            for j in 0..D {
+                for l in 0..LANES {
+                    let mut f = T::ZERO;
+                    for k in 0..D {
+                        f += u[i][k][l] * sigma[k][l] * v[j][k][l];
+                    }
+                    deformation[i][j][l] = if moved[l] { f } else { deformation[i][j][l] };
+                }
+            }
+        }
+        assemble(&u, &stress, tau);
         most / law.stiffness_at_rest()
+    }
+}
+
+/// Kirchhoff stress τ (Pa) of particles whose law works in principal space, where nothing flows. Returns each one's
+/// stiffness ρ0 c² (Pa).
+#[inline(always)]
+pub fn stress<T: Real, const D: usize>(
+    law: &Law<T>,
+    f: &MatrixLanes<T, D>,
+    plastic: &Lanes<T>,
+    count: usize,
+    tau: &mut MatrixLanes<T, D>,
+) -> Lanes<T> {
+    let mut spectra = decompose(f);
+    repair(f, count, &mut spectra);
+    let (mut stress, mut stiffness) = (spectra.sigma, [T::ZERO; LANES]);
+    for l in 0..count {
+        let (principal, bound) =
+            law.principal_stress(&vector(&spectra.sigma, l), plastic[l]).expect("a law in principal space");
+        for k in 0..D {
+            stress[k][l] = principal[k];
+        }
+        stiffness[l] = bound;
+    }
+    assemble(&spectra.u, &stress, tau);
+    stiffness
+}
+
+/// U diag(stress) Uᵀ.
+#[inline(always)]
+fn assemble<T: Real, const D: usize>(u: &MatrixLanes<T, D>, stress: &[Lanes<T>; D], tau: &mut MatrixLanes<T, D>) {
+    for i in 0..D {
+        for j in 0..D {
+            for l in 0..LANES {
+                let mut t = T::ZERO;
+                for k in 0..D {
+                    t += u[i][k][l] * stress[k][l] * u[j][k][l];
+                }
+                tau[i][j][l] = t;
+            }
+        }
     }
 }
 
@@ -83,7 +131,7 @@ fn decompose<T: Real, const D: usize>(f: &MatrixLanes<T, D>) -> Spectra<T, D> {
         v[k][k] = [T::ONE; LANES];
     }
     for _ in 0..SWEEPS {
-        let mut worst = [T::ZERO; LANES];
+        let mut rotated = [false; LANES];
         for p in 0..D - 1 {
             for q in p + 1..D {
                 for l in 0..LANES {
@@ -93,7 +141,7 @@ fn decompose<T: Real, const D: usize>(f: &MatrixLanes<T, D>) -> Spectra<T, D> {
                         beta += c[i][q][l] * c[i][q][l];
                         gamma += c[i][p][l] * c[i][q][l];
                     }
-                    worst[l] = worst[l].max(gamma * gamma / (alpha * beta));
+                    rotated[l] |= gamma * gamma >= T::EPSILON * (alpha * beta);
                     let delta = beta - alpha;
                     let denominator = delta.abs() + (delta * delta + T::TWO * T::TWO * gamma * gamma).sqrt() + T::TINY;
                     let t = T::TWO * gamma.copysign(gamma * delta) / denominator;
@@ -109,7 +157,7 @@ fn decompose<T: Real, const D: usize>(f: &MatrixLanes<T, D>) -> Spectra<T, D> {
             }
         }
         // Convergence is quadratic: what is left of an angle after a sweep is about its square.
-        if worst.iter().all(|&w| w < T::EPSILON) {
+        if !rotated.contains(&true) {
             break;
         }
     }

@@ -9,10 +9,11 @@
 //! F ← (I + dt ∇v) F, a fluid's J ← (1 + dt tr ∇v) J; x ← x + dt v. Single-grid kernels have no ½.
 //! In: node velocities of a tile. Out: particles of its block. One thread a block.
 
-use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, State, Stencils, matrix, set_matrix};
+use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, Others, State, Stencils, matrix, set_matrix};
 use super::constants::{BodySetup, Constants, Relaxation};
 use super::fill::{self, Around};
-use super::tile::{BLOCK, MASS, Node, SLACK, Walk, add_scaled, index, scale};
+use super::near::{self, Near};
+use super::tile::{BLOCK, MASS, Node, SLACK, add_scaled};
 use gridfall_core::maths::linalg::{add_scaled as add_scaled_matrix, det, double_dot, mul, trace};
 use gridfall_core::maths::real::Real;
 use gridfall_core::maths::widest::widest;
@@ -65,48 +66,48 @@ widest! {
         fill: &mut Lanes<T>,
     ) {
         let stencils = Stencils::<T, D, G, W>::new::<K>(&chunk.x);
-        let lowest = &constants.layout.lowest;
-        // ½ (v̄⁺ − v̄⁻): half the difference of the grids' means.
-        let mut apart = [[T::ZERO; LANES]; D];
+        let mut near = near::nothing::<T, G, W>();
+        near::load::<T, D, G, W>(tile, &stencils.starts(&constants.layout.lowest), &mut near);
+        let (count, per_dx) = (chunk.count, T::ONE / constants.dx);
         if constants.transfer.is_affine() {
-            let moments = stencils.moments();
-            for l in 0..chunk.count {
-                let (v, moment, difference) = gather_lane(lowest, &stencils, &moments, l, tile);
+            let sums = sums(&near, &stencils, &stencils.moments());
+            for l in 0..LANES {
+                let used = l < count;
                 for i in 0..D {
-                    chunk.v[i][l] = v[i];
-                    apart[i][l] = difference[i];
+                    chunk.v[i][l] = if used { sums.mean[i][l] } else { T::ZERO };
                     for k in 0..D {
-                        chunk.b[i][k][l] = moment[k][i];
+                        let moment = sums.other[i][k][l] + sums.apart[i][l] * stencils.skew[k][l];
+                        chunk.b[i][k][l] = if used { moment } else { T::ZERO };
                     }
                 }
-                fill[l] = v[MASS];
+                fill[l] = sums.mean[MASS][l];
+            }
+            if constants.transfer.is_mls() {
+                for l in 0..LANES {
+                    let rates = if constants.transfer.is_centred() {
+                        stencils.times_inverse_spread(&matrix(&sums.other, l), l)
+                    } else {
+                        stencils.times_inverse_moment::<K>(&matrix(&chunk.b, l), l)
+                    };
+                    for i in 0..D {
+                        for k in 0..D {
+                            grad_v[i][k][l] = if l < count { rates[i][k] * per_dx } else { T::ZERO };
+                        }
+                    }
+                }
             }
         }
         if !constants.transfer.is_mls() {
-            for l in 0..chunk.count {
-                let (v, slope, _) = gather_lane(lowest, &stencils, &stencils.slope, l, tile);
+            let sums = sums(&near, &stencils, &Stencils::<T, D, G, W>::slopes::<K>(&chunk.x));
+            for l in 0..LANES {
+                let used = l < count;
                 for i in 0..D {
-                    chunk.v[i][l] = v[i];
+                    chunk.v[i][l] = if used { sums.mean[i][l] } else { T::ZERO };
                     for k in 0..D {
-                        grad_v[i][k][l] = slope[k][i] / constants.dx;
+                        grad_v[i][k][l] = if used { sums.other[i][k][l] * per_dx } else { T::ZERO };
                     }
                 }
-                fill[l] = v[MASS];
-            }
-        } else {
-            for l in 0..LANES {
-                let mut moment = matrix(&chunk.b, l);
-                let rates = if constants.transfer.is_centred() {
-                    for i in 0..D {
-                        for k in 0..D {
-                            moment[i][k] -= apart[i][l] * stencils.skew[k][l];
-                        }
-                    }
-                    stencils.times_inverse_spread(&moment, l)
-                } else {
-                    stencils.times_inverse_moment::<K>(&moment, l)
-                };
-                set_matrix(grad_v, l, &rates.map(|row| row.map(|c| c / constants.dx)));
+                fill[l] = sums.mean[MASS][l];
             }
         }
         let body = &constants.bodies[chunk.body as usize];
@@ -121,58 +122,108 @@ widest! {
     }
 }
 
-/// ½ Σ_s Σ_i w v_i, and per axis ½ Σ_s Σ_i v_i `other`, where `other` takes the weight's place on that axis: w d for
-/// B (d = (x_i − x_p)/dx), ∂w/∂x dx for ∇v. Last ½ Σ_s s Σ_i w v_i, 0 on a single grid.
+/// Sums over the nodes of a chunk's particles.
+struct Sums<T, const D: usize> {
+    /// ½ Σ_s Σ_i w v_i.
+    mean: Lanes4<T>,
+    /// ½ Σ_s s Σ_i w v_i, 0 on a single grid: half the difference of the grids' means.
+    apart: [Lanes<T>; D],
+    /// Per axis ½ Σ_s Σ_i v_i `other`, where `other` takes the weight's place on that axis.
+    other: MatrixLanes<T, D>,
+}
+
+type Lanes4<T> = [Lanes<T>; 4];
+
+/// `other`: moments about each grid's mean for B, ∂w/∂x dx for ∇v. Those of a particle add up to nothing on every axis.
 #[inline(always)]
-pub(super) fn gather_lane<T: Real, const D: usize, const G: usize, const W: usize>(
-    lowest: &[i32; 2],
+fn sums<T: Real, const D: usize, const G: usize, const W: usize>(
+    near: &Near<T, G, W>,
     s: &Stencils<T, D, G, W>,
-    other: &[[[[T; LANES]; W]; G]; D],
-    l: usize,
-    tile: &[Node<T>],
-) -> (Node<T>, [Node<T>; D], Node<T>) {
-    let walk = const { Walk::new(D, G, W) };
+    other: &Others<T, D, G, W>,
+) -> Sums<T, D> {
     let (middle, inner) = (D - 2, D - 1);
-    let zero = [T::ZERO; 4];
-    let (mut total, mut moment) = (zero, [zero; D]);
-    let mut first = zero;
+    let mut sums =
+        Sums { mean: [[T::ZERO; LANES]; 4], apart: [[T::ZERO; LANES]; D], other: [[[T::ZERO; LANES]; D]; D] };
+    let share = T::ONE / T::from_i32(G as i32);
     for g in 0..G {
-        if g == 1 {
-            first = total;
-        }
-        let mut base = [0; D];
-        for a in 0..D {
-            base[a] = s.base[a][g][l];
-        }
-        let start = index::<D, G, W>(g, base, lowest[g]);
-        for i in 0..walk.outer {
-            let (mut sum_i, mut middle_i, mut inner_i) = (zero, zero, zero);
-            for j in 0..W {
-                let row = start + i * walk.outer_stride + j * walk.middle_stride;
-                let row = &tile[row..row + W];
-                let (mut sum_j, mut inner_j) = (zero, zero);
-                for k in 0..W {
-                    sum_j = add_scaled(sum_j, s.weight[inner][g][k][l], row[k]);
-                    inner_j = add_scaled(inner_j, other[inner][g][k][l], row[k]);
+        let sign = if g == 0 { share } else { -share };
+        if W == 2 {
+            // On two nodes a mean is a + w (b − a), and what the others sum up to is one of them times b − a.
+            for l in 0..LANES {
+                let (w_middle, w_inner) = (s.weight[middle][g][1][l], s.weight[inner][g][1][l]);
+                let (mut mean, mut across, mut along) = sheet(&near[g][0], l, w_middle, w_inner);
+                if D == 3 {
+                    let (w, (mean_b, across_b, along_b)) =
+                        (s.weight[0][g][1][l], sheet(&near[g][1], l, w_middle, w_inner));
+                    let up = rise(mean, mean_b);
+                    mean = add_scaled(mean, w, up);
+                    across = add_scaled(across, w, rise(across, across_b));
+                    along = add_scaled(along, w, rise(along, along_b));
+                    for i in 0..D {
+                        sums.other[i][0][l] += share * (other[0][g][1][l] * up[i]);
+                    }
                 }
-                sum_i = add_scaled(sum_i, s.weight[middle][g][j][l], sum_j);
-                middle_i = add_scaled(middle_i, other[middle][g][j][l], sum_j);
-                inner_i = add_scaled(inner_i, s.weight[middle][g][j][l], inner_j);
+                for i in 0..D {
+                    sums.other[i][middle][l] += share * (other[middle][g][1][l] * across[i]);
+                    sums.other[i][inner][l] += share * (other[inner][g][1][l] * along[i]);
+                    sums.apart[i][l] += sign * mean[i];
+                }
+                for c in 0..4 {
+                    sums.mean[c][l] += share * mean[c];
+                }
             }
-            let mut w_i = T::ONE;
-            if D == 3 {
-                w_i = s.weight[0][g][i][l];
-                moment[0] = add_scaled(moment[0], other[0][g][i][l], sum_i);
+            continue;
+        }
+        for i in 0..if D == 3 { W } else { 1 } {
+            for l in 0..LANES {
+                let zero = [T::ZERO; 4];
+                let (mut sum, mut across, mut along) = (zero, zero, zero);
+                for j in 0..W {
+                    let (mut sum_j, mut along_j) = (zero, zero);
+                    for k in 0..W {
+                        sum_j = add_scaled(sum_j, s.weight[inner][g][k][l], near[g][i][j][k][l]);
+                        along_j = add_scaled(along_j, other[inner][g][k][l], near[g][i][j][k][l]);
+                    }
+                    sum = add_scaled(sum, s.weight[middle][g][j][l], sum_j);
+                    across = add_scaled(across, other[middle][g][j][l], sum_j);
+                    along = add_scaled(along, s.weight[middle][g][j][l], along_j);
+                }
+                let w = if D == 3 { s.weight[0][g][i][l] } else { T::ONE };
+                for c in 0..4 {
+                    sums.mean[c][l] += w * sum[c];
+                }
+                for c in 0..D {
+                    if D == 3 {
+                        sums.other[c][0][l] += other[0][g][i][l] * sum[c];
+                    }
+                    sums.other[c][middle][l] += w * across[c];
+                    sums.other[c][inner][l] += w * along[c];
+                }
             }
-            total = add_scaled(total, w_i, sum_i);
-            moment[middle] = add_scaled(moment[middle], w_i, middle_i);
-            moment[inner] = add_scaled(moment[inner], w_i, inner_i);
         }
     }
-    let mean = T::ONE / T::from_i32(G as i32);
-    // Σ⁺ − Σ⁻ = 2 Σ⁺ − (Σ⁺ + Σ⁻).
-    let difference = if G == 2 { add_scaled(scale(T::TWO, first), -T::ONE, total) } else { zero };
-    (scale(mean, total), moment.map(|m| scale(mean, m)), scale(mean, difference))
+    sums
+}
+
+/// The mean of the 2 × 2 nodes of a particle on the last two axes, and how it rises along these.
+#[inline(always)]
+fn sheet<T: Real, const W: usize>(
+    nodes: &[[[Node<T>; LANES]; W]; W],
+    l: usize,
+    w_middle: T,
+    w_inner: T,
+) -> (Node<T>, Node<T>, Node<T>) {
+    let (a, b) = (nodes[0][0][l], nodes[1][0][l]);
+    let (along_a, along_b) = (rise(a, nodes[0][1][l]), rise(b, nodes[1][1][l]));
+    let (a, b) = (add_scaled(a, w_inner, along_a), add_scaled(b, w_inner, along_b));
+    let across = rise(a, b);
+    (add_scaled(a, w_middle, across), across, add_scaled(along_a, w_middle, rise(along_a, along_b)))
+}
+
+/// b − a.
+#[inline(always)]
+fn rise<T: Real>(a: Node<T>, b: Node<T>) -> Node<T> {
+    [b[0] - a[0], b[1] - a[1], b[2] - a[2], b[3] - a[3]]
 }
 
 /// J, or the volumetric strain of grains, a little towards that of which the fill tells.
@@ -202,15 +253,21 @@ fn relax<T: Real, const D: usize>(
             }
         }
         State::Solid { f: lanes, plastic, .. } => {
-            for l in (0..chunk.count).filter(|&l| over[l] > T::ONE) {
+            if over[..chunk.count].iter().all(|&over| over <= T::ONE) {
+                return;
+            }
+            let grains = body.law.gained_volume(T::ZERO).is_some();
+            for l in 0..LANES {
                 let f = matrix(lanes, l);
-                let gained = body.law.gained_volume(plastic[l]).unwrap_or(T::ZERO);
-                let volume = det(&f) * gained.exp();
-                if volume > goal[l] {
-                    let weight = ((over[l] - T::ONE) / T::from_f64(volume::GRADUAL)).min(T::ONE);
-                    let change = weight * share[l] * (goal[l] / volume - T::ONE);
-                    let stretch = (change.ln_1p() / T::from_i32(D as i32)).exp();
-                    set_matrix(lanes, l, &f.map(|row| row.map(|f| f * stretch)));
+                let volume = det(&f) * if grains { plastic[l].exp() } else { T::ONE };
+                let weight = ((over[l] - T::ONE) / T::from_f64(volume::GRADUAL)).min(T::ONE);
+                let change = weight * share[l] * (goal[l] / volume - T::ONE);
+                let stretch = ((T::ONE + change).ln() / T::from_i32(D as i32)).exp();
+                let stretch = if (over[l] > T::ONE) & (volume > goal[l]) { stretch } else { T::ONE };
+                for i in 0..D {
+                    for k in 0..D {
+                        lanes[i][k][l] *= stretch;
+                    }
                 }
             }
         }
@@ -234,22 +291,21 @@ widest! {
             relax(body, relaxation, chunk, dt, grad_v, fill);
         }
         match &mut chunk.state {
-            State::Fluid { j, grad_v: kept } => {
+            State::Fluid { j, .. } => {
                 for l in 0..LANES {
                     j[l] *= T::ONE + dt * trace(&matrix(grad_v, l));
                 }
-                *kept = *grad_v;
             }
-            State::Solid { f: lanes, grad_v: kept, .. } => {
+            State::Solid { f: lanes, .. } => {
                 for l in 0..LANES {
                     let f = matrix(lanes, l);
                     let change = mul(&matrix(grad_v, l), &f);
                     set_matrix(lanes, l, &add_scaled_matrix(&f, dt, &change));
                 }
-                if let Some(kept) = kept {
-                    **kept = *grad_v;
-                }
             }
+        }
+        if let Some(kept) = chunk.state.grad_v() {
+            *kept = *grad_v;
         }
 
         let step = dt / constants.dx;

@@ -11,20 +11,21 @@ use super::constants::Constants;
 use super::pairs::Fields;
 use super::sides::{self, Layers};
 use super::simulation::Block;
-use super::tables::Tables;
+use super::tables::{ROW, Run, Tables};
 use super::tile::{BLOCK, Layout, MASS, Node, position};
+use super::walls::Walls;
 use gridfall_core::maths::real::Real;
 use gridfall_core::sim::collider::{NORMAL_STEP_DX, Placed};
-use gridfall_core::sim::contact::{ContactKind, mirrored, respond, stick_mirrored, wall_side};
+use gridfall_core::sim::contact::respond;
 use gridfall_core::sim::pair;
 use gridfall_core::sim::reaction::{self, Reaction};
-use gridfall_core::sim::setup::{Axis, Contact, ContactAt, Setup};
+use gridfall_core::sim::setup::{Contact, ContactAt, Setup};
 use gridfall_core::sim::side::Plates;
 
 /// Node velocities on sparse blocks of 4^D nodes.
 #[derive(Clone, Debug, Default)]
 pub struct Grid<T, const D: usize> {
-    tables: Tables<D>,
+    pub(super) tables: Tables<D>,
     /// With the mass as last component.
     velocities: Vec<Node<T>>,
     /// Share of each node's room outside colliders; empty without any, and if no particle asks.
@@ -113,8 +114,8 @@ impl<T: Real, const D: usize> Grid<T, D> {
     #[inline(always)]
     fn sum(&self, node: usize, tiles: &[Node<T>]) -> Node<T> {
         let mut total = [T::ZERO; 4];
-        for &entry in self.tables.entries(node) {
-            let part = &tiles[entry as usize];
+        for entry in self.tables.entries(node) {
+            let part = &tiles[entry];
             for c in 0..4 {
                 total[c] += part[c];
             }
@@ -122,15 +123,38 @@ impl<T: Real, const D: usize> Grid<T, D> {
         total
     }
 
+    /// [`Self::sum`] of the nodes of a row.
+    #[inline(always)]
+    fn sums(&self, row: usize, tiles: &[Node<T>]) -> [Node<T>; ROW] {
+        let mut total = [[T::ZERO; 4]; ROW];
+        for &Run { entry, at, count } in self.tables.runs(row) {
+            let parts = &tiles[entry as usize..entry as usize + count as usize];
+            // Places that are known here stay in registers.
+            for k in 0..ROW {
+                if let Some(part) = parts.get(k.wrapping_sub(at as usize)) {
+                    for c in 0..4 {
+                        total[k][c] += part[c];
+                    }
+                }
+            }
+        }
+        total
+    }
+
     fn volume(&self, node: usize, volumes: &[T]) -> T {
-        self.tables.entries(node).iter().map(|&entry| volumes[entry as usize]).sum()
+        self.tables.entries(node).map(|entry| volumes[entry]).sum()
     }
 
     /// Mass of a node and its velocity before contact. None for a mass that is not a normal number:
     /// the velocity would be noise, and such a node adds nothing to its particles.
     #[inline(always)]
-    fn free(&self, slot: usize, tiles: &[Node<T>], fall: &[T; D]) -> Option<(T, [T; D])> {
+    pub(super) fn free(&self, slot: usize, tiles: &[Node<T>], fall: &[T; D]) -> Option<(T, [T; D])> {
         let node = if self.met.is_empty() { self.sum(slot, tiles) } else { self.met[slot] };
+        Self::fallen(node, fall)
+    }
+
+    #[inline(always)]
+    fn fallen(node: Node<T>, fall: &[T; D]) -> Option<(T, [T; D])> {
         (node[MASS] >= T::TINY).then(|| (node[MASS], std::array::from_fn(|a| node[a] / node[MASS] + fall[a])))
     }
 
@@ -194,14 +218,31 @@ impl<T: Real, const D: usize> Grid<T, D> {
                 if let Some(room) = &mut room {
                     room.fill(T::ONE);
                 }
+                let met = walls.met(corner);
+                let places = ROW.pow(D as u32);
+                let mut row = [[T::ZERO; 4]; ROW];
                 for (local, velocity) in block.iter_mut().enumerate() {
                     *velocity = [T::ZERO; 4];
+                    let slot = index * nodes + local;
+                    if local % ROW == 0 {
+                        row = match self.met.get(slot..slot + ROW).and_then(|met| met.first_chunk()) {
+                            Some(met) => *met,
+                            None => self.sums(slot / ROW, tiles.nodes),
+                        };
+                    }
+                    let free = Self::fallen(row[local % ROW], &fall);
+                    if near.is_empty() && met >> (local % places) & 1 == 0 {
+                        if let Some((mass, v)) = free {
+                            velocity[..D].copy_from_slice(&v);
+                            velocity[MASS] = mass;
+                        }
+                        continue;
+                    }
                     let (g, i) = Tables::node(corner, local);
-                    let free = self.free(index * nodes + local, tiles.nodes, &fall);
                     let at = At { node: i, shift: layout.shift[g], mass: free.map_or(T::ZERO, |(mass, _)| mass) };
                     if let (Some(room), false) = (&mut room, near.is_empty()) {
                         let x = position(setup, i, at.shift);
-                        let beyond = self.beyond.get(index * nodes + local).is_some_and(|&beyond| beyond);
+                        let beyond = self.beyond.get(slot).is_some_and(|&beyond| beyond);
                         room[local] = T::from_f64(free_share(&near, layout, setup.dx, x, beyond));
                     }
                     let Some((mass, v)) = free else { continue };
@@ -273,57 +314,6 @@ impl Taken<'_> {
             impulse[a] = mass.to_f64() * (from[a].to_f64() - to[a].to_f64());
         }
         self.sums[surface].take(impulse, arm);
-    }
-}
-
-/// Who hears which wall changes a velocity from what to what.
-type Hears<'a, T, const D: usize> = dyn FnMut(usize, &[T; D], &[T; D]) + 'a;
-
-/// The walls of the domain, and the nodes that they meet.
-struct Walls<'a, T, const D: usize> {
-    setup: &'a Setup,
-    grid: &'a Grid<T, D>,
-    tiles: &'a [Node<T>],
-    fall: [T; D],
-}
-
-impl<T: Real, const D: usize> Walls<'_, T, D> {
-    /// The velocity `v` of a node before contact becomes that after contact with the walls of the
-    /// first `axes` axes, one after the other. `take` hears of every change.
-    fn respond(
-        &self,
-        axes: usize,
-        (field, g): (u32, usize),
-        node: [i32; D],
-        mass: T,
-        v: [T; D],
-        take: &mut Hears<'_, T, D>,
-    ) -> [T; D] {
-        let Some(a) = axes.checked_sub(1) else { return v };
-        let v = self.respond(a, (field, g), node, mass, v, take);
-        let Axis::Walls(contacts) = &self.setup.axes[a] else { return v };
-        let (i, cells) = (node[a], self.setup.cells[a] as i32);
-        let is_sticky = |side: usize| contacts[side].kind == ContactKind::Sticky;
-        let (side, after) = match (mirrored(i, cells), wall_side(i, cells)) {
-            (Some((side, image)), _) if is_sticky(side) => {
-                let mut there = node;
-                there[a] = image;
-                // The mirror image of a grid is the other one, a single grid's its own.
-                let other = self.grid.tables.grids - 1 - g;
-                let slot = self.grid.tables.slot(field, other, there);
-                let Some((m, u)) = slot.and_then(|slot| self.grid.free(slot, self.tiles, &self.fall)) else { return v };
-                let u = self.respond(a, (field, other), there, m, u, &mut |_, _, _| {});
-                (side, stick_mirrored([&v, &u], [mass, m]))
-            }
-            (_, Some(side)) if !is_sticky(side) => {
-                let mut normal = [T::ZERO; D];
-                normal[a] = if side == 0 { T::ONE } else { -T::ONE };
-                (side, respond(&contacts[side], &v, &normal, &[T::ZERO; D]))
-            }
-            _ => return v,
-        };
-        take(2 * a + side, &v, &after);
-        after
     }
 }
 

@@ -9,7 +9,7 @@
 
 use super::chunk::{Chunk, LANES, Lanes, State, Stencils, matrix, set_matrix};
 use super::constants::Constants;
-use super::g2p::gather_lane;
+use super::fill::each_node;
 use super::tile::{MASS, Node};
 use gridfall_core::maths::linalg::{Matrix, apply, cofactor, det, scaled_identity, trace};
 use gridfall_core::maths::real::Real;
@@ -30,8 +30,10 @@ pub fn find<T: Real, K: ShapeFunction<G, W>, const D: usize, const G: usize, con
     let own = stencils.own_share();
     let mut alone = [false; LANES];
     for l in 0..chunk.count {
-        let (total, ..) = gather_lane(&constants.layout.lowest, &stencils, &stencils.weight, l, tile);
-        alone[l] = total[MASS] < mass * own[l] * T::from_f64(1.0 + ALONE);
+        let mut total = T::ZERO;
+        each_node(&constants.layout, &stencils, None, l, |at, w| total += w * tile[at][MASS]);
+        let total = total / T::from_i32(G as i32);
+        alone[l] = total < mass * own[l] * T::from_f64(1.0 + ALONE);
     }
     alone
 }

@@ -13,6 +13,7 @@ mod grid_update;
 mod interpolation;
 mod isolated;
 mod narrow;
+mod near;
 mod p2g;
 mod pairs;
 mod saved;
@@ -22,6 +23,7 @@ mod stages;
 mod tables;
 mod tile;
 mod touch;
+mod walls;
 
 pub use engine::CpuEngine;
 pub use grid_update::NodeState;

@@ -5,9 +5,11 @@
 //! grid s (MLS), −V0 τ D⁻¹ (x_i − x_p) w (MLS as published) or −V0 τ ∇w (APIC, PIC).
 //! In: particles of a block. Out: its tile. One thread a block.
 
-use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, State, Stencils, matrix, set_matrix, vector};
+use super::chunk::{Chunk, LANES, Lanes, MatrixLanes, Others, State, Stencils, matrix, set_matrix, vector};
 use super::constants::Constants;
-use super::tile::{MASS, Node, Walk, add_scaled, index, scale};
+use super::flow;
+use super::near::{self, Near};
+use super::tile::{MASS, Node};
 use gridfall_core::material::{Damping, Law};
 use gridfall_core::maths::linalg::{Matrix, add_scaled as add_scaled_matrix, apply, scaled_identity};
 use gridfall_core::maths::real::Real;
@@ -54,80 +56,94 @@ widest! {
             set_matrix(&mut affine, l, &slope);
             set_matrix(&mut pulls, l, &pull);
         }
-        for l in 0..chunk.count {
-            // Columns as nodes: what a step along an axis changes.
-            let mut column = [[T::ZERO; 4]; D];
-            let mut pull = [[T::ZERO; 4]; D];
-            let mut value = [T::ZERO; 4];
-            for i in 0..D {
-                value[i] = body.mass * chunk.v[i][l] + pushed.map_or(T::ZERO, |pushed| pushed[i][l]);
-                for k in 0..D {
-                    column[k][i] = affine[i][k][l];
-                    pull[k][i] = pulls[i][k][l];
-                }
+        let mut values = chunk.v;
+        for i in 0..D {
+            for l in 0..LANES {
+                values[i][l] = body.mass * values[i][l] + pushed.map_or(T::ZERO, |pushed| pushed[i][l]);
             }
-            value[MASS] = body.mass;
-            let mut values = [value; G];
-            for i in 0..D {
-                for g in 0..G {
-                    values[g][i] += if g == 0 { -push[i][l] } else { push[i][l] };
+        }
+        let mut near = near::nothing::<T, G, W>();
+        spread(&stencils, body.mass, &values, &push, &affine, &mut near);
+        if !constants.transfer.is_mls() {
+            spread_pull(&stencils, &Stencils::<T, D, G, W>::slopes::<K>(&chunk.x), &pulls, &mut near);
+        }
+        near::add::<T, D, G, W>(tile, &stencils.starts(&constants.layout.lowest), chunk.count, &near);
+    }
+}
+
+/// w (value ∓ push + affine d), and w m.
+#[inline(always)]
+fn spread<T: Real, const D: usize, const G: usize, const W: usize>(
+    s: &Stencils<T, D, G, W>,
+    mass: T,
+    values: &[Lanes<T>; D],
+    push: &[Lanes<T>; D],
+    affine: &MatrixLanes<T, D>,
+    near: &mut Near<T, G, W>,
+) {
+    let (middle, inner) = (D - 2, D - 1);
+    for g in 0..G {
+        let sign = if g == 0 { -T::ONE } else { T::ONE };
+        for i in 0..if D == 3 { W } else { 1 } {
+            for l in 0..LANES {
+                // Momentum grows by a column of the affine part from node to node.
+                let mut at_i = [T::ZERO; D];
+                for c in 0..D {
+                    at_i[c] = values[c][l] + sign * push[c][l];
+                    for a in 0..D {
+                        let steps = if D == 3 && a == 0 { T::from_i32(i as i32) } else { T::ZERO };
+                        at_i[c] += affine[c][a][l] * (s.offset[a][g][l] + steps);
+                    }
                 }
-            }
-            let lowest = &constants.layout.lowest;
-            if constants.transfer.is_mls() {
-                scatter_lane::<T, D, G, W, false>(lowest, &stencils, l, &values, &column, &pull, tile);
-            } else {
-                scatter_lane::<T, D, G, W, true>(lowest, &stencils, l, &values, &column, &pull, tile);
+                let w_i = if D == 3 { s.weight[0][g][i][l] } else { T::ONE };
+                for j in 0..W {
+                    let w_j = w_i * s.weight[middle][g][j][l];
+                    let mut at_j = at_i;
+                    for k in 0..W {
+                        let w = w_j * s.weight[inner][g][k][l];
+                        let node = &mut near[g][i][j][k][l];
+                        for c in 0..D {
+                            node[c] = w * at_j[c];
+                            at_j[c] += affine[c][inner][l];
+                        }
+                        node[MASS] = w * mass;
+                    }
+                    for c in 0..D {
+                        at_i[c] += affine[c][middle][l];
+                    }
+                }
             }
         }
     }
 }
 
-/// Adds w (value_g + Σ_a column_a d_a) and, in the gradient form, Σ_a pull_a ∂w/∂x_a to the particle's nodes.
+/// Adds Σ_a pull_a ∂w/∂x_a.
 #[inline(always)]
-fn scatter_lane<T: Real, const D: usize, const G: usize, const W: usize, const GRADIENT: bool>(
-    lowest: &[i32; 2],
+fn spread_pull<T: Real, const D: usize, const G: usize, const W: usize>(
     s: &Stencils<T, D, G, W>,
-    l: usize,
-    values: &[Node<T>; G],
-    column: &[Node<T>; D],
-    pull: &[Node<T>; D],
-    tile: &mut [Node<T>],
+    slopes: &Others<T, D, G, W>,
+    pull: &MatrixLanes<T, D>,
+    near: &mut Near<T, G, W>,
 ) {
-    let walk = const { Walk::new(D, G, W) };
     let (middle, inner) = (D - 2, D - 1);
     for g in 0..G {
-        let mut base = [0; D];
-        let mut origin = values[g];
-        for a in 0..D {
-            base[a] = s.base[a][g][l];
-            origin = add_scaled(origin, s.offset[a][g][l], column[a]);
-        }
-        let start = index::<D, G, W>(g, base, lowest[g]);
-        for i in 0..walk.outer {
-            let (at_i, w_i, slope_i) = if D == 3 {
-                (add_scaled(origin, T::from_i32(i as i32), column[0]), s.weight[0][g][i][l], s.slope[0][g][i][l])
-            } else {
-                (origin, T::ONE, T::ZERO)
-            };
+        for i in 0..if D == 3 { W } else { 1 } {
             for j in 0..W {
-                let at_j = add_scaled(at_i, T::from_i32(j as i32), column[middle]);
-                let (w_j, slope_j) = (s.weight[middle][g][j][l], s.slope[middle][g][j][l]);
-                let w_ij = w_i * w_j;
-                let mut across = scale(w_i * slope_j, pull[middle]);
-                if D == 3 {
-                    across = add_scaled(across, slope_i * w_j, pull[0]);
-                }
-                let along = scale(w_ij, pull[inner]);
-                let row = start + i * walk.outer_stride + j * walk.middle_stride;
-                let row = &mut tile[row..row + W];
-                for k in 0..W {
-                    let at_k = add_scaled(at_j, T::from_i32(k as i32), column[inner]);
-                    let w_k = s.weight[inner][g][k][l];
-                    row[k] = add_scaled(row[k], w_ij * w_k, at_k);
-                    if GRADIENT {
-                        row[k] = add_scaled(row[k], w_k, across);
-                        row[k] = add_scaled(row[k], s.slope[inner][g][k][l], along);
+                for l in 0..LANES {
+                    let (mut w_i, mut slope_i) = (T::ONE, T::ZERO);
+                    if D == 3 {
+                        (w_i, slope_i) = (s.weight[0][g][i][l], slopes[0][g][i][l]);
+                    }
+                    let (w_j, slope_j) = (s.weight[middle][g][j][l], slopes[middle][g][j][l]);
+                    for k in 0..W {
+                        let (w_k, slope_k) = (s.weight[inner][g][k][l], slopes[inner][g][k][l]);
+                        for c in 0..D {
+                            let mut force = w_i * slope_j * w_k * pull[c][middle][l];
+                            if D == 3 {
+                                force += slope_i * w_j * w_k * pull[c][0][l];
+                            }
+                            near[g][i][j][k][l][c] += force + w_i * w_j * slope_k * pull[c][inner][l];
+                        }
                     }
                 }
             }
@@ -157,20 +173,25 @@ widest! {
                 }
             }
             (Law::WeaklyCompressibleFluid(fluid), State::Fluid { j: lanes, grad_v }) => {
+                let (at_rest, still) = (law.stiffness_at_rest(), [[T::ZERO; D]; D]);
                 for l in 0..LANES {
                     let j = lanes[l];
                     let pressure = fluid.pressure(j);
-                    set_matrix(tau, l, &fluid.kirchhoff(j, pressure, &matrix(grad_v, l)));
-                    stiffening[l] = law.stiffness_at_rest() * fluid.stiffening(j, pressure);
+                    set_matrix(tau, l, &fluid.kirchhoff(j, pressure, &still));
+                    stiffening[l] = at_rest * fluid.stiffening(j, pressure);
+                }
+                if let Some(grad_v) = grad_v {
+                    for l in 0..LANES {
+                        let viscous = fluid.kirchhoff(lanes[l], T::ZERO, &matrix(grad_v, l));
+                        for i in 0..D {
+                            for k in 0..D {
+                                tau[i][k][l] += viscous[i][k];
+                            }
+                        }
+                    }
                 }
             }
-            (_, State::Solid { f, plastic, .. }) => {
-                for l in 0..chunk.count {
-                    let (stress, ratio) = law.kirchhoff(&matrix(f, l), plastic[l]);
-                    set_matrix(tau, l, &stress);
-                    stiffening[l] = law.stiffness_at_rest() * ratio;
-                }
-            }
+            (_, State::Solid { f, plastic, .. }) => stiffening = flow::stress(law, f, plastic, chunk.count, tau),
             (_, State::Fluid { .. }) => unreachable!("a fluid has a fluid's law"),
         }
         let most = stiffening[..chunk.count].iter().copied().fold(T::ZERO, T::max);

@@ -82,7 +82,8 @@ impl<T: Real + Pod, const D: usize> Simulation<T, D> {
                 lanes.into_iter().try_for_each(|lanes| get_into(from, lanes))?;
             }
             State::Fluid { j, grad_v } => {
-                [j].into_iter().chain(grad_v.iter_mut().flatten()).try_for_each(|lanes| get_into(from, lanes))?;
+                let grad_v = grad_v.iter_mut().flat_map(|grad_v| grad_v.iter_mut().flatten());
+                [j].into_iter().chain(grad_v).try_for_each(|lanes| get_into(from, lanes))?;
             }
         }
         if let Some(touches) = &mut chunk.touch {
@@ -105,7 +106,8 @@ fn save_chunk<T: Real + Pod, const D: usize>(chunk: &Chunk<T, D>, to: &mut dyn W
             f.iter().flatten().chain([plastic]).chain(grad_v).try_for_each(|lanes| put(to, lanes))?;
         }
         State::Fluid { j, grad_v } => {
-            [j].into_iter().chain(grad_v.iter().flatten()).try_for_each(|lanes| put(to, lanes))?;
+            let grad_v = grad_v.iter().flat_map(|grad_v| grad_v.iter().flatten());
+            [j].into_iter().chain(grad_v).try_for_each(|lanes| put(to, lanes))?;
         }
     }
     chunk.touch.iter().flat_map(|touches| touches.iter()).try_for_each(|touch| put_touch(to, touch))

@@ -16,11 +16,24 @@ pub struct Tables<const D: usize> {
     tile: usize,
     /// Node of every entry of every tile.
     slots: Vec<u32>,
-    /// The entries that add up to node i are `entries[first[i]..first[i + 1]]`, in the order of
-    /// their tiles.
+    /// Entries of a tile along an axis.
+    width: usize,
+    /// What adds up to the [`BLOCK`] nodes of row i is `runs[first[i]..first[i + 1]]`, in the order of the tiles.
     first: Vec<u32>,
-    entries: Vec<u32>,
+    runs: Vec<Run>,
 }
+
+/// Entries of a tile one after the other that add up to nodes one after the other of a row.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Run {
+    pub entry: u32,
+    /// Place of the first in the row.
+    pub at: u8,
+    pub count: u8,
+}
+
+/// Nodes of a row.
+pub const ROW: usize = BLOCK as usize;
 
 /// Per axis, grid and entry along the axis: the node's block and its place in that.
 type AxisNodes = Vec<(i32, usize)>;
@@ -31,34 +44,51 @@ impl<const D: usize> Tables<D> {
         let mut keys: Vec<u64> = corners.par_iter().flat_map_iter(|corner| touched(corner, layout, period)).collect();
         keys.par_sort_unstable();
         keys.dedup();
-        let (grids, tile) = (layout.grids, layout.tile(D));
+        let (grids, tile, width) = (layout.grids, layout.tile(D), layout.width);
         let mut slots = vec![0; corners.len() * tile];
         let fill =
             |(slots, corner): (&mut [u32], &(u32, [i32; D]))| node_of_entries(slots, corner, &keys, layout, period);
         slots.par_chunks_exact_mut(tile).zip(corners).for_each(fill);
 
-        let mut tables =
-            Self { blocks: keys.iter().map(|&key| unpack(key)).collect(), grids, tile, slots, ..Self::default() };
+        let mut tables = Self {
+            blocks: keys.iter().map(|&key| unpack(key)).collect(),
+            grids,
+            tile,
+            slots,
+            width,
+            ..Self::default()
+        };
         tables.invert();
         tables
     }
 
     fn invert(&mut self) {
-        let nodes = self.nodes();
-        let mut first = vec![0; nodes + 1];
-        for &slot in &self.slots {
-            first[slot as usize + 1] += 1;
+        let slots = &self.slots;
+        let begins = |entry: usize| {
+            entry.is_multiple_of(self.width)
+                || slots[entry] != slots[entry - 1] + 1
+                || (slots[entry] as usize).is_multiple_of(ROW)
+        };
+        let mut first = vec![0; self.nodes() / ROW + 1];
+        for entry in (0..slots.len()).filter(|&entry| begins(entry)) {
+            first[slots[entry] as usize / ROW + 1] += 1;
         }
-        for i in 0..nodes {
-            first[i + 1] += first[i];
+        for row in 1..first.len() {
+            first[row] += first[row - 1];
         }
         let mut next = first.clone();
-        let mut entries = vec![0; self.slots.len()];
-        for (entry, &slot) in self.slots.iter().enumerate() {
-            entries[next[slot as usize] as usize] = entry as u32;
-            next[slot as usize] += 1;
+        let mut runs = vec![Run::default(); first[first.len() - 1] as usize];
+        let mut run = 0;
+        for (entry, &slot) in slots.iter().enumerate() {
+            if begins(entry) {
+                let next = &mut next[slot as usize / ROW];
+                run = *next as usize;
+                runs[run] = Run { entry: entry as u32, at: (slot as usize % ROW) as u8, count: 0 };
+                *next += 1;
+            }
+            runs[run].count += 1;
         }
-        (self.first, self.entries) = (first, entries);
+        (self.first, self.runs) = (first, runs);
     }
 
     /// Nodes of a grid block.
@@ -75,10 +105,21 @@ impl<const D: usize> Tables<D> {
         &self.slots[tile * self.tile..(tile + 1) * self.tile]
     }
 
+    /// What of all tiles adds up to the nodes of a row.
+    #[inline(always)]
+    pub fn runs(&self, row: usize) -> &[Run] {
+        &self.runs[self.first[row] as usize..self.first[row + 1] as usize]
+    }
+
     /// Entries of all tiles that add up to a node.
     #[inline]
-    pub fn entries(&self, node: usize) -> &[u32] {
-        &self.entries[self.first[node] as usize..self.first[node + 1] as usize]
+    pub fn entries(&self, node: usize) -> impl Iterator<Item = usize> {
+        let place = (node % ROW) as u32;
+        let in_run = move |run: &Run| {
+            let offset = place.wrapping_sub(u32::from(run.at));
+            (offset < u32::from(run.count)).then(|| (run.entry + offset) as usize)
+        };
+        self.runs(node / ROW).iter().filter_map(in_run)
     }
 
     /// The block of a field, if a tile reaches it.
@@ -169,8 +210,8 @@ mod tests {
         let tables = Tables::new(&corners, &layout, &[None, Some(7)]);
         let mut seen = 0;
         for node in 0..tables.nodes() {
-            for &entry in tables.entries(node) {
-                assert_eq!(tables.slots[entry as usize] as usize, node);
+            for entry in tables.entries(node) {
+                assert_eq!(tables.slots[entry] as usize, node);
                 seen += 1;
             }
         }

@@ -97,18 +97,18 @@ impl Walk {
         let n = width(grids, nodes);
         Self { outer: if dimension == 3 { nodes } else { 1 }, outer_stride: n * n, middle_stride: n }
     }
+
+    /// Entries of a tile from the first node to the last.
+    #[inline(always)]
+    pub const fn extent(&self, nodes: usize) -> usize {
+        (self.outer - 1) * self.outer_stride + (nodes - 1) * self.middle_stride + nodes
+    }
 }
 
 /// a + s b.
 #[inline(always)]
 pub fn add_scaled<T: Real>(a: Node<T>, s: T, b: Node<T>) -> Node<T> {
     [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2], a[3] + s * b[3]]
-}
-
-/// s a.
-#[inline(always)]
-pub fn scale<T: Real>(s: T, a: Node<T>) -> Node<T> {
-    [s * a[0], s * a[1], s * a[2], s * a[3]]
 }
 
 /// Where a node is (m), in scene coordinates.
