@@ -58,7 +58,8 @@ fn gather(y: vec3<f32>) -> Gathered {
     let apart = 0.5 * (plus.v - minus.v);
     var out: Gathered;
     out.v = minus.v + apart;
-    out.B = mat3x3<f32>(0.5 * along_x + apart * s.skew.x, 0.5 * along_y + apart * s.skew.y, 0.5 * along_z + apart * s.skew.z);
+    out.B = mat3x3<f32>(0.5 * along_x + apart * s.skew.x, 0.5 * along_y + apart * s.skew.y,
+        0.5 * along_z + apart * s.skew.z);
     out.fill = FILL_UNIT * 0.5 * (plus.fill + minus.fill);
     if (!MLS) {
         let a = 0.5 * s.slope_plus;
