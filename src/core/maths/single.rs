@@ -2,7 +2,7 @@
 //! the last place. Reductions and polynomials are those of Moshier's Cephes library (expf.c, logf.c).
 
 /// ln 2 = HIGH + LOW; small whole numbers times HIGH are exact.
-const HIGH: f32 = 0.693_359_375;
+const HIGH: f32 = 355.0 / 512.0;
 const LOW: f32 = -2.121_944_4e-4;
 /// Adding 1.5 · 2²³ rounds to the nearest whole number.
 const SHIFT: f32 = 12_582_912.0;
