@@ -11,8 +11,8 @@ pub const MIN_STRETCH: f64 = 1e-4;
 /// Upper bound of the stretches that laws see, so that products of three fit f32.
 pub const MAX_STRETCH: f64 = 1e4;
 
-/// An isotropic law. `sigma` are the singular values of F, clamped to [[`MIN_STRETCH`],
-/// [`MAX_STRETCH`]]. `plastic` is the scalar plastic state; each law says what it means, if
+/// An isotropic law. `sigma` are the singular values of F, clamped to [`MIN_STRETCH`,
+/// `MAX_STRETCH`]. `plastic` is the scalar plastic state; each law says what it means, if
 /// anything.
 pub trait Principal<T: Real> {
     /// Whether the law is plastic. An elastic law leaves F as it is, inverted states included.
