@@ -11,10 +11,10 @@ use gridfall_core::sim::touch;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::memory::{MATRIX_BYTES_PER_PARTICLE, TABLE_BYTES_PER_BLOCK, memory_bytes};
+use crate::memory::{DENSE_BYTES_PER_BLOCK, MATRIX_BYTES_PER_PARTICLE, memory_bytes};
 
-/// Device memory per particle (bytes) without its deformation: two positions, binning, and the
-/// positions and velocities of a frame.
+/// Device memory per particle (bytes) without its deformation: two positions, binning, its body, and
+/// the positions and velocities of a frame.
 const DEVICE_BYTES_PER_PARTICLE: u64 = 112;
 /// What a particle remembers of contact, where colliders act on particles (bytes).
 const TOUCH_BYTES_PER_PARTICLE: u64 = 20;
@@ -22,8 +22,12 @@ const TOUCH_BYTES_PER_PARTICLE: u64 = 20;
 const DEFORMATION_COPIES: u64 = 3;
 /// Cells of a block of the sparse grid.
 const BLOCK_CELLS: u64 = 64;
-/// Two grid buffers of four channels in f32 (bytes per node).
-const NODE_BYTES: u64 = 32;
+/// Two grid buffers of five channels (bytes per node).
+const NODE_BYTES: u64 = 40;
+/// Two block lists, a bin and a work item (bytes per slot for a block).
+const SLOT_BYTES: u64 = 44;
+/// Two block tables (bytes per entry). Less than half of the entries are in use.
+const ENTRY_BYTES: u64 = 16;
 
 /// The cost of a run, from its state at time 0.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -153,19 +157,25 @@ fn device_memory_bytes(setup: &Setup, blocks: u64) -> Option<u64> {
     };
     let channels = |m: &Material| (if m.is_fluid() { 1 } else { 9 }) + u64::from(m.has_plastic_state());
     let channels = setup.bodies.iter().map(|b| channels(&setup.materials[b.material])).max().unwrap_or(1);
-    let layer: u64 = setup.cells.iter().map(|&n| n.div_ceil(4) as u64).product();
-    let table = layer * side::layers(setup) as u64;
     let touch = if touch::acts(setup) { TOUCH_BYTES_PER_PARTICLE } else { 0 };
     let particle = DEVICE_BYTES_PER_PARTICLE + touch + 4 * channels * DEFORMATION_COPIES;
-    let nodes = blocks * BLOCK_CELLS * grids;
     let on_device = setup.dimension == 3 && setup.precision == Precision::F32;
     let particles = setup.total_particles() as u64 * particle;
-    // In f32, matrices take half of the memory that they take on the host.
-    let matrices = match setup.integrator {
-        Integrator::Implicit => setup.total_particles() as u64 * MATRIX_BYTES_PER_PARTICLE / 2,
-        _ => 0,
+    let nodes = |slots: u64| slots * BLOCK_CELLS * grids * NODE_BYTES;
+    let grid = match setup.integrator {
+        // In f32, matrices take half of the memory that they take on the host.
+        Integrator::Implicit => {
+            let layer: u64 = setup.cells.iter().map(|&n| n.div_ceil(4) as u64).product();
+            let table = layer * side::layers(setup) as u64 * DENSE_BYTES_PER_BLOCK;
+            table + nodes(blocks) + setup.total_particles() as u64 * MATRIX_BYTES_PER_PARTICLE / 2
+        }
+        _ => {
+            // Room to spread before the first growth.
+            let slots = blocks * 5 / 4 + 64;
+            nodes(slots) + slots * SLOT_BYTES + (2 * slots).next_power_of_two() * ENTRY_BYTES
+        }
     };
-    on_device.then(|| particles + matrices + table * TABLE_BYTES_PER_BLOCK + nodes * NODE_BYTES + field_bytes(setup))
+    on_device.then(|| particles + grid + field_bytes(setup))
 }
 
 /// Blocks that sources will fill: those of the volume that they emit, at rest, and as many adjacent
@@ -204,9 +214,11 @@ fn active_blocks(setup: &Setup, particles: &Particles) -> u64 {
 }
 
 fn blocks_around(setup: &Setup, positions: &[[f64; 3]]) -> u64 {
-    let key = |b: [i64; 3]| b.iter().fold(0u64, |key, b| key << 21 | (b + 1) as u64);
+    let key = |b: [i64; 3]| b.iter().fold(0u64, |key, b| key << 21 | (b + 2) as u64);
     let block = |x: &[f64; 3]| -> [i64; 3] {
-        std::array::from_fn(|a| ((x[a] - setup.origin[a]) / (4.0 * setup.dx)).floor() as i64)
+        // By the first nodes of the particles' kernels.
+        let shift = if setup.kernel == Kernel::Compact { 0.25 } else { 0.5 };
+        std::array::from_fn(|a| (((x[a] - setup.origin[a]) / setup.dx - shift) / 4.0).floor() as i64)
     };
     let mut occupied: Vec<[i64; 3]> = positions
         .par_chunks(1 << 14)

@@ -173,10 +173,10 @@ fn planted_errors_are_caught() {
     let press = checked(&packed, 2);
     type Plant<'a> = &'a dyn Fn(&mut Moment);
     let planted: [(&str, &str, Plant); 24] = [
-        ("counts", "a workgroup too few", &|m| m.books.report.groups[Groups::SlotsOut as usize] -= 1),
-        ("counts", "a dispatch of the step before", &|m| m.books.dispatches[Groups::BlocksOut as usize][0] += 1),
+        ("counts", "a workgroup too few", &|m| m.books.dispatches[Groups::Work as usize][0] -= 1),
+        ("counts", "a dispatch of the step before", &|m| m.books.dispatches[Groups::Blocks as usize][0] += 1),
         ("counts", "a halt", &|m| m.books.report.halt = 2),
-        ("counts", "stale blocks forgotten", &|m| m.books.report.stale = 0),
+        ("counts", "a count that goes on", &|m| m.books.report.cursor = 1),
         ("blocks", "a block is missing", &|m| {
             let block = m.books.blocks.list.pop().unwrap();
             m.books.blocks.table[block as usize] = 0;
@@ -188,7 +188,8 @@ fn planted_errors_are_caught() {
         ("blocks", "a block with two slots", &|m| m.books.blocks.list[1] = m.books.blocks.list[0]),
         ("blocks", "a stale entry of the table", &|m| m.books.blocks.table[gone] = 1),
         ("blocks", "slots exchanged", &|m| m.books.blocks.list.swap(2, 3)),
-        ("blocks", "the other side is touched", &|m| m.books.blocks_before.table[gone] ^= 1),
+        ("blocks", "an entry left on the other side", &|m| m.books.blocks_before.table[gone] = 1),
+        ("blocks", "a sum left on the other side", &|m| *m.books.grid_before.last_mut().unwrap() = -1),
         ("bins", "a place taken twice", &|m| m.books.destinations[1] = m.books.destinations[0]),
         ("bins", "a place that holds another particle", &|m| m.books.list.swap(7, 8)),
         ("bins", "a particle in two bins", &|m| m.books.positions[3][3] = m.books.positions[4][3]),
@@ -197,7 +198,6 @@ fn planted_errors_are_caught() {
             let slot = m.books.destinations[0][0] as usize;
             m.books.bins[slot] += 1;
         }),
-        ("bins", "a particle uncounted", &|m| m.books.report.cursor -= 1),
         ("places", "two particles in each other's bins", &|m| {
             let other = stranger(&m.books);
             m.books.positions.swap(0, other);

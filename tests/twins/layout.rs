@@ -44,9 +44,9 @@ fn shared_structs_agree() {
     twin!(m, Params: blocks, particles, cells, dx, gravity, dt, pad, capacity, periodic, colliders, mass_scale,
         momentum_scale, soft_shift, first_step, soft_demand, soft_growth, live, cell_scale,
         first_kick, last_kick, last_step, end_dt, fields, sided, resets, steps, lowest,
-        spare0, highest, spare1, outer_low, spare2, outer_high, spare3, walls, contacts);
-    twin!(m, Report: halt, error, error_particle, max_shift, max_speed, step, index, work_count, cursor, stale, needed,
-        max_demand, isolated, finished, groups);
+        table_shift, highest, spare1, outer_low, spare2, outer_high, spare3, walls, contacts);
+    twin!(m, Report: halt, asks, error, error_particle, max_shift, max_speed, max_demand, started, step, ran, blocks,
+        wanted, needed, work, work_count, cursor, isolated, finished);
     twin!(m, Body: mass, volume, material, demand, rate, full, crowded, stiffness, damping, spacing, spare0, spare1);
     twin!(m, Material: model, a, b, c, d, e, damping, spare);
     twin!(m, SdfOp: r0, r1, r2, size, code, grid);
@@ -110,12 +110,7 @@ fn shared_constants_agree() {
         ("ERROR_CFL", layout::ERROR_CFL),
         ("ERROR_DOMAIN", layout::ERROR_DOMAIN),
         ("ERROR_RANGE", layout::ERROR_RANGE),
-        ("GROUPS_STALE", layout::Groups::Stale as u32),
-        ("GROUPS_WORK", layout::Groups::Work as u32),
-        ("GROUPS_BLOCKS_IN", layout::Groups::BlocksIn as u32),
-        ("GROUPS_BLOCKS_OUT", layout::Groups::BlocksOut as u32),
-        ("GROUPS_SLOTS_OUT", layout::Groups::SlotsOut as u32),
-        ("GROUPS_PARTICLES", layout::Groups::Particles as u32),
+        ("PROBES", layout::TABLE_PROBES),
         ("WORK_MAX", layout::WORK_MAX as u32),
         ("CHANNEL", layout::BLOCK_NODES as u32),
         ("NODE_CHANNELS", layout::NODE_CHANNELS as u32),
@@ -126,6 +121,10 @@ fn shared_constants_agree() {
         ("FILLS_VOLUME", Fills::Volume as u32),
     ] {
         assert_eq!(constant(&m, name), rust, "{name}");
+    }
+    let bin = parse("explicit/bin");
+    for (name, groups) in [("GROUPS_WORK", layout::Groups::Work), ("GROUPS_BLOCKS", layout::Groups::Blocks)] {
+        assert_eq!(constant(&bin, name), groups as u32, "{name}");
     }
     assert_eq!(number(&m, "STIRRED"), volume::STIRRED as f32);
     assert_eq!(number(&m, "NOISE"), volume::NOISE as f32);

@@ -17,6 +17,7 @@ mod implicit_order;
 mod isolated;
 mod layout;
 mod meeting;
+mod memory;
 mod resumed;
 mod shapes;
 mod sides;

@@ -1,9 +1,10 @@
-// Activates, on the `_out` side, every block that a particle can scatter to within this step: the
-// blocks that hold particles and their 26 neighbours, because a particle moves less than a cell.
+// Step: activates, on the `_out` side, every block that a particle can scatter to within this step: the
+// blocks that hold particles and their 26 neighbours, because a particle moves less than a cell. If
+// they do not all have a slot, the step is not begun, and the host grows the grid.
 // One workgroup a work item, one lane a neighbour. Blocks are claimed by compare-and-swap; which
 // slot a block gets varies from run to run and has no influence on any value.
 //
-// uses explicit/layout
+// uses explicit/claim
 
 @compute @workgroup_size(32)
 fn main(
@@ -12,7 +13,7 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let item = group_index(id, count);
-    if (item >= report.groups[GROUPS_WORK] || lane >= 27u) {
+    if (atomicLoad(&report.halt) != 0u || item >= report.work || lane >= 27u) {
         return;
     }
     let b = beside(work[item], neighbour(lane));

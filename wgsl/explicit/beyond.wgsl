@@ -17,7 +17,7 @@ const MOST_SIDE_STEPS = 60u;
 struct Nearest { distance: f32, c: u32 }
 
 fn plate_pose(c: u32) -> Pose {
-    return poses[(report.index - params.first_step) * params.colliders + c];
+    return poses[(report.step - params.first_step) * params.colliders + c];
 }
 
 fn nearest_plate(x: vec3<f32>) -> Nearest {

@@ -16,7 +16,7 @@ fn collide(v_in: vec3<f32>, x: vec3<f32>, mass: f32, slot: u32, beyond: bool) ->
     var nearest = 1e30;
     for (var c = 0u; c < params.colliders; c++) {
         let collider = colliders[c];
-        let pose = poses[(report.index - params.first_step) * params.colliders + c];
+        let pose = poses[(report.step - params.first_step) * params.colliders + c];
         if (pose.linear.w == 0.0) {
             continue;
         }

@@ -23,6 +23,6 @@ fn tell(flags: Flags) {
         fail(flags.error, flags.particle);
     }
     if (flags.replan) {
-        atomicOr(&report.halt, HALT_REPLAN);
+        ask(HALT_REPLAN);
     }
 }

@@ -44,7 +44,7 @@ fn is_accompanied(block: u32) -> bool {
     var other = false;
     for (var k = 0u; k < params.fields * params.sided; k++) {
         let there = block - layer(block) + k * layer_size();
-        other = other || (there != block && table_in[there] != 0u);
+        other = other || (there != block && slot_in(there) != 0u);
     }
     return other;
 }

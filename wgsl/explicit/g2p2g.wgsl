@@ -29,7 +29,7 @@ fn main(
     load_nodes(lane);
     workgroupBarrier();
     var flags = no_flags();
-    let next_kick = kick(report.index + 1u) / params.dx;
+    let next_kick = kick(report.step + 1u) / params.dx;
     for (var i = lane; i < job.count; i += WORKGROUP) {
         let to = job.start + i;
         let from_ = list[to];

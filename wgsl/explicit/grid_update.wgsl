@@ -14,7 +14,7 @@ fn check_range(sum: i32, halt: u32) {
         if (sum > HARD_LIMIT) {
             fail(ERROR_RANGE, 0xfffffffeu);
         }
-        atomicOr(&report.halt, halt);
+        ask(halt);
     }
 }
 
@@ -92,7 +92,7 @@ fn walls_of_axis(group: Group, a: u32, first: u32, slot: u32) {
 
 /// By groups, which beyond the reach of sticky walls are of one node. `near`: whether the block is within it.
 fn update_groups(slot: u32, n: vec3<i32>, lane: u32, gain: vec3<f32>, near: bool) {
-    let first_block = layer(blocks_in[slot + 1u]);
+    let first_block = layer(blocks_in[slot]);
     let first = lane * MOST_IMAGES;
     for (var grid = 0u; grid < GRIDS; grid++) {
         var group = single(n, grid);
@@ -152,10 +152,14 @@ fn main(
         open_reactions(lane);
     }
     workgroupBarrier();
-    if (slot < report.groups[GROUPS_BLOCKS_IN]) {
-        let corner = 4 * block_coordinates(blocks_in[slot + 1u]) - params.pad;
+    if (running() && slot < report.blocks) {
+        if (lane == 0u) {
+            // For the particles that will come: nobody needs the last bins any more.
+            atomicStore(&bins[slot], 0u);
+        }
+        let corner = 4 * block_coordinates(blocks_in[slot]) - params.pad;
         let n = corner + vec3<i32>(vec3<u32>(lane & 3u, (lane >> 2u) & 3u, lane >> 4u));
-        let gain = params.gravity * kick(report.index);
+        let gain = params.gravity * kick(report.step);
         if (WALLS_STICKY) {
             update_groups(slot, n, lane, gain, is_near_sticky(corner));
         } else {

@@ -70,14 +70,14 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let slot = group_index(id, count);
-    if (slot >= report.groups[GROUPS_BLOCKS_IN]) {
+    if (!running() || slot >= report.blocks) {
         return;
     }
-    let block = blocks_in[slot + 1u];
+    let block = blocks_in[slot];
     let first = block - layer(block);
     var here = 0u;
     for (var k = 0u; k < LAYERS; k++) {
-        here |= select(0u, 1u << k, table_in[first + k * layer_size()] != 0u);
+        here |= select(0u, 1u << k, slot_in(first + k * layer_size()) != 0u);
     }
     let own = layer(block) / layer_size();
     if (here == 1u || firstTrailingBit(here) != own) {

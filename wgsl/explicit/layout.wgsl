@@ -13,7 +13,7 @@
 const MOST_FIELDS = 9u;
 
 struct Params {
-    blocks: vec3<u32>,       // extent of the dense block table
+    blocks: vec3<u32>,       // extent of the domain, with room around it, in blocks
     particles: u32,          // room for them: the stride of channels
     cells: vec3<f32>,        // extent of the domain in cells
     dx: f32,                 // m
@@ -35,13 +35,13 @@ struct Params {
     last_kick: f32,          // and before that of `last_step` (s); all others: dt
     last_step: u32,
     end_dt: f32,             // time over which the frame's last g2p moves particles (s)
-    fields: u32,             // layers of the block table: bodies with contact of their own, and one; or sides
+    fields: u32,             // layers of blocks: bodies with contact of their own, and one; or sides
     sided: u32,              // 1 if layers are sides of plates
     resets: u32,             // 1 if g2p resets particles that are alone
     steps: u32,              // of the run so far, for `dither`
     // In y, from the domain's corner (cells):
     lowest: vec3<f32>,       // where the planes of sticky walls stop particles
-    spare0: u32,
+    table_shift: u32,        // 32 - log2 of the entries of the block table
     highest: vec3<f32>,
     spare1: u32,
     outer_low: vec3<f32>,    // beyond which particles have left the domain
@@ -54,33 +54,36 @@ struct Params {
 
 struct Report {
     halt: atomic<u32>,       // HALT_* bits; any stops all later steps until the host clears it
+    asks: atomic<u32>,       // HALT_* bits that the step now running will leave
     error: atomic<u32>,      // ERROR_* bits
     error_particle: atomic<u32>, // lowest id that raised an error
     max_shift: atomic<u32>,  // largest displacement of one step so far in cells, f32 bits
     max_speed: atomic<u32>,  // largest |v| + sqrt(3) dx |C| at the last g2p (m/s), f32 bits
-    step: u32,               // steps committed since the frame's start
-    index: u32,              // step now running
-    work_count: atomic<u32>, // entries of `work`
-    cursor: atomic<u32>,     // particles handed out to bins
-    stale: u32,              // blocks of the previous use of the `_out` side
-    needed: u32,             // most blocks that an activation asked for
     max_demand: atomic<u32>, // largest demand of a material at the last g2p (1/s²), f32 bits
+    started: u32,            // 1 once the frame's start is done
+    step: u32,               // steps done since; the number of the one now running
+    ran: u32,                // 1 if the step now running, or the frame's start, was begun
+    blocks: u32,             // blocks of the `_in` side
+    wanted: atomic<u32>,     // blocks of the `_out` side, also those that there is no slot for
+    needed: u32,             // most blocks that an activation asked for
+    work: u32,               // entries of `work`
+    work_count: atomic<u32>, // entries of it that the next step will have
+    cursor: atomic<u32>,     // particles handed out to bins
     isolated: atomic<u32>,   // particles reset at the last g2p
     finished: u32,           // 1 once the frame's last step has run
-    groups: array<u32, 8>,   // workgroups wanted by each indirect dispatch
 }
 
 // A run of particles of one block, the work of one workgroup.
 // touched: 1 if contact has left something for its particles (explicit/touched).
-// at: coordinates of the block; layer: first block of its layer of the table.
+// at: coordinates of the block; layer: first block of its layer.
 struct Work { block: u32, start: u32, count: u32, touched: u32, at: vec3<i32>, layer: u32 }
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> report: Report;
-@group(0) @binding(2) var<storage, read_write> table_in: array<u32>; // block -> slot + 1, 0 = inactive
-@group(0) @binding(3) var<storage, read_write> table_out: array<atomic<u32>>;
-@group(0) @binding(4) var<storage, read_write> blocks_in: array<u32>; // [0] count, then block by slot
-@group(0) @binding(5) var<storage, read_write> blocks_out: array<atomic<u32>>;
+@group(0) @binding(2) var<storage, read_write> table_in: array<vec2<u32>>; // see explicit/table
+@group(0) @binding(3) var<storage, read_write> table_out: array<atomic<u32>>; // the same, value after value
+@group(0) @binding(4) var<storage, read_write> blocks_in: array<u32>; // block by slot
+@group(0) @binding(5) var<storage, read_write> blocks_out: array<u32>;
 @group(0) @binding(6) var<storage, read_write> grid_in: array<i32>; // slot, grid, channel, node
 @group(0) @binding(7) var<storage, read_write> grid_out: array<atomic<i32>>;
 @group(0) @binding(8) var<storage, read_write> bins: array<atomic<u32>>; // slot of `_out` -> count, then start
@@ -138,13 +141,6 @@ const ERROR_RANGE = 8u;   // fixed-point overflow
 const SOFT_LIMIT = 536870912;  // 2^29: beyond it the scale is re-planned
 const HARD_LIMIT = 1073741824; // 2^30
 
-const GROUPS_STALE = 0u;
-const GROUPS_WORK = 1u;
-const GROUPS_BLOCKS_IN = 2u;
-const GROUPS_BLOCKS_OUT = 3u;
-const GROUPS_SLOTS_OUT = 4u;
-const GROUPS_PARTICLES = 5u;
-
 /// Most particles a workgroup takes; more of a block are shared out.
 const WORK_MAX = 1024u;
 
@@ -156,10 +152,15 @@ fn kick(step: u32) -> f32 {
     return select(params.dt, params.last_kick, step == params.last_step);
 }
 
+/// Whether the step goes on. It is not begun after a halt, or if it lacks room.
+fn running() -> bool {
+    return atomicLoad(&report.halt) == 0u && atomicLoad(&report.wanted) <= params.capacity;
+}
+
 /// The work of a workgroup; empty if there is none.
 fn job_of(item: u32) -> Work {
     var job: Work;
-    if (item < report.groups[GROUPS_WORK]) {
+    if (running() && item < report.work) {
         job = work[item];
     }
     return job;
@@ -171,32 +172,17 @@ fn beside(job: Work, offset: vec3<i32>) -> i32 {
     return select(there + i32(job.layer), -1, there < 0);
 }
 
-fn halted() -> bool {
-    return atomicLoad(&report.halt) != 0u;
-}
-
+/// Stops the run when the step is over. The step's results are then of no use.
 fn fail(code: u32, id: u32) {
     atomicOr(&report.error, code);
     atomicMin(&report.error_particle, id);
-    atomicOr(&report.halt, HALT_ERROR);
+}
+
+/// Stops the run when the step is over, which is complete.
+fn ask(halt: u32) {
+    atomicOr(&report.asks, halt);
 }
 
 fn neighbour(i: u32) -> vec3<i32> {
     return vec3<i32>(vec3<u32>(i % 3u, (i / 3u) % 3u, i / 9u)) - vec3<i32>(1);
-}
-
-/// Activates a block of the `_out` side once.
-fn claim(block: u32) {
-    // Reading first keeps the compare-and-swap rare: nearly all of the 27 claims on a block find it
-    // taken.
-    for (var tries = 0u; tries < 64u && atomicLoad(&table_out[block]) == 0u; tries++) {
-        let taken = atomicCompareExchangeWeak(&table_out[block], 0u, 0xffffffffu);
-        if (taken.exchanged) {
-            let slot = atomicAdd(&blocks_out[0], 1u);
-            if (slot < params.capacity) {
-                atomicStore(&blocks_out[slot + 1u], block);
-                atomicStore(&table_out[block], slot + 1u);
-            }
-        }
-    }
 }

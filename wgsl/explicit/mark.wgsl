@@ -1,8 +1,8 @@
 // Start of a frame: activates the blocks around every particle, as `activate` does from the bins
-// that do not exist yet.
+// that do not exist yet. If they do not all have a slot, the frame is not begun.
 // One thread a particle.
 //
-// uses explicit/layout
+// uses explicit/claim
 
 @compute @workgroup_size(WORKGROUP)
 fn main(

@@ -10,7 +10,7 @@ fn open_gather(job: Work, lane: u32) {
         let b = beside(job, vec3<i32>(vec3<u32>(lane & 1u, (lane >> 1u) & 1u, lane >> 2u)));
         var slot = 0u;
         if (b >= 0) {
-            slot = table_in[b];
+            slot = slot_in(u32(b));
         }
         slots_in[lane] = slot;
     }

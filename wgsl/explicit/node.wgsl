@@ -1,6 +1,6 @@
 // Where the values of a node lie in `grid_*`.
 //
-// uses explicit/layout, shared/kernel_*
+// uses explicit/table, shared/kernel_*
 
 /// Of a block's slot, and a node's place in the block: its mass; other channels follow at multiples
 /// of CHANNEL.
@@ -16,7 +16,7 @@ fn place_of(first: u32, n: vec3<i32>, grid: u32) -> u32 {
     if (block < 0) {
         return NOWHERE;
     }
-    let slot = table_in[first + u32(block)];
+    let slot = slot_in(first + u32(block));
     if (slot == 0u) {
         return NOWHERE;
     }

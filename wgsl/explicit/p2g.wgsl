@@ -37,7 +37,7 @@ fn main(
         }
         let grad_v = times_inverse_moment(B, y) * (1.0 / params.dx);
         let stress = kirchhoff(state, decompose(state, material.model), material, grad_v);
-        let impulse = stress.tau * (body.volume * kick(report.index) / params.dx);
+        let impulse = stress.tau * (body.volume * kick(report.step) / params.dx);
         if (!scatter(id, y, body.mass, filled_cells(state, material.model, body), v, B, impulse)) {
             note(&flags, ERROR_NAN, id);
         }

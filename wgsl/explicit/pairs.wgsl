@@ -181,13 +181,13 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let slot = group_index(id, count);
-    if (slot >= report.groups[GROUPS_BLOCKS_IN]) {
+    if (!running() || slot >= report.blocks) {
         return;
     }
-    let block = blocks_in[slot + 1u];
+    let block = blocks_in[slot];
     let field = layer(block) / layer_size();
     for (var f = 0u; f < field; f++) {
-        if (table_in[block - (field - f) * layer_size()] != 0u) {
+        if (slot_in(block - (field - f) * layer_size()) != 0u) {
             return;
         }
     }

@@ -2,7 +2,7 @@
 // them. One thread a particle.
 // Places vary from run to run; no value depends on them.
 //
-// uses explicit/layout
+// uses explicit/table
 
 @compute @workgroup_size(WORKGROUP)
 fn main(
@@ -11,9 +11,9 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let id = group_index(group, count) * WORKGROUP + lane;
-    if (id >= params.live) {
+    if (id >= params.live || !running()) {
         return;
     }
-    let slot = atomicLoad(&table_out[frame_position[id].w]) - 1u;
+    let slot = slot_out(frame_position[id].w) - 1u;
     destinations[id] = vec2<u32>(slot, atomicAdd(&bins[slot], 1u));
 }

@@ -13,7 +13,7 @@ struct Carry { value: vec4<f32>, volume: f32, given: vec4<i32>, given_volume: i3
 
 /// Three values in [-½, ½) from a hash of particle and step (PCG, Jarzynski & Olano 2020).
 fn dither(id: u32) -> vec3<f32> {
-    let state = (id ^ ((params.steps + report.index) * 0x9e3779b9u)) * 747796405u + 2891336453u;
+    let state = (id ^ ((params.steps + report.step) * 0x9e3779b9u)) * 747796405u + 2891336453u;
     let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
     let h = (word >> 22u) ^ word;
     return vec3<f32>((vec3<u32>(h) >> vec3<u32>(0u, 8u, 16u)) & vec3<u32>(255u)) * (1.0 / 256.0) - 0.498046875;

@@ -20,7 +20,7 @@ fn open_scatter(job: Work, lane: u32) {
         let b = beside(job, neighbour(lane));
         var slot = 0u;
         if (b >= 0) {
-            slot = atomicLoad(&table_out[b]);
+            slot = slot_out(u32(b));
         }
         slots_out[lane] = slot;
         atomicStore(&bin_counts[lane], 0u);

@@ -21,7 +21,7 @@ fn main(
         let y = bitcast<vec3<f32>>(packed.xyz);
         let v = gather_velocity(y);
         let next = moved(corner, y, v * (params.dt / params.dx));
-        touch_particle(item, job.start + i, packed.w, corner, y, next, v, params.dt, kick(report.index + 1u));
+        touch_particle(item, job.start + i, packed.w, corner, y, next, v, params.dt, kick(report.step + 1u));
     }
     workgroupBarrier();
     flush_reactions(item, lane);

@@ -20,7 +20,7 @@ fn main(
         for (var k = 0u; k < 3u; k++) {
             v[k] = frame_velocity[k * params.particles + id];
         }
-        touch_particle(item, job.start + i, id, corner, y, y, v, 0.0, kick(report.index));
+        touch_particle(item, job.start + i, id, corner, y, y, v, 0.0, kick(report.step));
     }
     workgroupBarrier();
     flush_reactions(item, lane);

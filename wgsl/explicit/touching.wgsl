@@ -15,7 +15,7 @@ var<workgroup> close_by: atomic<u32>;
 
 /// A collider's pose at the start of a step, or after it (`later` = 1).
 fn pose_at(c: u32, later: u32) -> Pose {
-    return poses[(report.index - params.first_step + later) * params.colliders + c];
+    return poses[(report.step - params.first_step + later) * params.colliders + c];
 }
 
 /// How many particles of a job may touch something: all if a collider is near its block, or none. The transfer

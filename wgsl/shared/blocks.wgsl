@@ -1,12 +1,12 @@
-// Blocks of 4³ nodes in the dense table of the domain, and workgroups of folded dispatches. Explicit runs
-// have a layer of the table for each field.
+// Numbers of the blocks of 4³ nodes of a domain, and workgroups of folded dispatches. Explicit runs have a layer of
+// blocks for each field.
 
 fn block_coordinates(block: u32) -> vec3<i32> {
     let n = params.blocks;
     return vec3<i32>(vec3<u32>(block % n.x, (block / n.x) % n.y, (block / (n.x * n.y)) % n.z));
 }
 
-/// Index in the first layer of the block table, wrapped on periodic axes; -1 outside.
+/// Number in the first layer, wrapped on periodic axes; -1 outside.
 fn block_index(c: vec3<i32>) -> i32 {
     let n = vec3<i32>(params.blocks);
     let inward = select(select(c, c - n, c >= n), c + n, c < vec3<i32>(0));
@@ -17,7 +17,7 @@ fn block_index(c: vec3<i32>) -> i32 {
     return (wrapped.z * n.y + wrapped.y) * n.x + wrapped.x;
 }
 
-/// Blocks of a layer of the table.
+/// Blocks of a layer.
 fn layer_size() -> u32 {
     return params.blocks.x * params.blocks.y * params.blocks.z;
 }

@@ -3,13 +3,14 @@
 
 use super::buffers::Buffers;
 use super::layout::{self, BLOCK_NODES, NODE_CHANNELS, Params, Report, Work};
+use super::table;
 use crate::contract::EngineError;
 use crate::gpu::Gpu;
 
 /// Which blocks of a side are active.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Blocks {
-    /// By block of the dense table: its slot + 1, or 0.
+    /// By block: its slot + 1, or 0.
     pub table: Vec<u32>,
     /// By slot: its block.
     pub list: Vec<u32>,
@@ -20,7 +21,7 @@ pub struct Blocks {
 pub struct Bookkeeping {
     pub params: Params,
     pub report: Report,
-    /// Numbers of workgroups, in the order of [`layout::Groups`].
+    /// Numbers of workgroups of the next step, in the order of [`layout::Groups`].
     pub dispatches: Vec<[u32; 4]>,
     /// Of the side whose grid was filled last.
     pub blocks: Blocks,
@@ -38,31 +39,41 @@ pub struct Bookkeeping {
     pub positions: Vec<[u32; 4]>,
     /// By slot, grid, channel (see `wgsl/explicit/layout.wgsl`) and node.
     pub grid: Vec<i32>,
+    /// Of the other side.
+    pub grid_before: Vec<i32>,
 }
 
 /// Reads it, with `side` filled last.
 pub fn read(gpu: &Gpu, b: &Buffers, params: &Params, side: usize) -> Result<Bookkeeping, EngineError> {
-    let blocks = blocks(gpu, b, side)?;
     let report: Report = b.memory.read(gpu, "report", 1)?[0];
-    let active = blocks.list.len();
+    let active = report.blocks as usize;
+    let blocks = self::blocks(gpu, b, params, side, active)?;
+    let values = b.counts.grids * BLOCK_NODES * NODE_CHANNELS;
     Ok(Bookkeeping {
         params: *params,
-        dispatches: b.memory.read(gpu, "dispatches", layout::DISPATCHES)?,
-        blocks_before: self::blocks(gpu, b, 1 - side)?,
+        dispatches: gpu.read(b.memory.of_side("dispatches_in", side), layout::DISPATCHES)?,
+        blocks_before: self::blocks(gpu, b, params, 1 - side, 0)?,
         bins: b.memory.read(gpu, "bins", active)?,
-        work: b.memory.read(gpu, "work", report.work_count as usize)?,
+        work: b.memory.read(gpu, "work", report.work as usize)?,
         destinations: b.memory.read(gpu, "destinations", b.live)?,
         list: b.memory.read(gpu, "list", b.live)?,
         positions: gpu.read(b.memory.of_side("position_in", side), b.live)?,
-        grid: gpu.read(b.memory.of_side("grid_in", side), active * b.counts.grids * BLOCK_NODES * NODE_CHANNELS)?,
+        grid: gpu.read(b.memory.of_side("grid_in", side), active * values)?,
+        grid_before: gpu.read(b.memory.of_side("grid_out", side), b.counts.capacity * values)?,
         blocks,
         report,
     })
 }
 
-fn blocks(gpu: &Gpu, b: &Buffers, side: usize) -> Result<Blocks, EngineError> {
-    let list: Vec<u32> = gpu.read(b.memory.of_side("blocks_in", side), b.counts.capacity + 1)?;
-    let active = (list[0] as usize).min(b.counts.capacity);
-    let table = gpu.read(b.memory.of_side("table_in", side), b.counts.table)?;
-    Ok(Blocks { table, list: list[1..=active].to_vec() })
+/// Of a side on which `active` blocks are listed. Panics if the hash table has a block twice.
+fn blocks(gpu: &Gpu, b: &Buffers, params: &Params, side: usize, active: usize) -> Result<Blocks, EngineError> {
+    let list: Vec<u32> = gpu.read(b.memory.of_side("blocks_in", side), active)?;
+    let hashed: Vec<[u32; 2]> = gpu.read(b.memory.of_side("table_in", side), table::entries(b.counts.capacity))?;
+    let mut table = vec![0; params.blocks.iter().product::<u32>() as usize * params.fields as usize];
+    for [key, slot] in hashed.into_iter().filter(|[key, _]| *key != 0) {
+        let entry = &mut table[key as usize - 1];
+        assert_eq!(*entry, 0, "block {} is in the table twice", key - 1);
+        *entry = slot;
+    }
+    Ok(Blocks { table, list })
 }

@@ -2,7 +2,8 @@
 
 use super::layout::{self, BLOCK_NODES, NODE_CHANNELS, TOUCH_CHANNELS, VELOCITY_CHANNELS, WORK_MAX};
 use super::scene::SceneSizes;
-use super::stages::Extent;
+use super::stages::{Extent, Placed};
+use super::table;
 use super::upload::DeviceState;
 use crate::contract::EngineError;
 use crate::gpu::Gpu;
@@ -17,8 +18,6 @@ pub const CHUNK_STEPS: usize = 256;
 pub struct Counts {
     /// All that there will be.
     pub particles: usize,
-    /// Blocks of the dense table.
-    pub table: usize,
     /// Slots for active blocks.
     pub capacity: usize,
     pub grids: usize,
@@ -39,12 +38,13 @@ impl Counts {
         let work = capacity + particles / WORK_MAX + 1;
         let mut buffers = vec![
             uniform("params", size_of::<layout::Params>()),
-            indirect("dispatches", layout::DISPATCHES * layout::DISPATCH_BYTES),
+            indirect("dispatches_in", layout::DISPATCHES * layout::DISPATCH_BYTES),
+            indirect("dispatches_out", layout::DISPATCHES * layout::DISPATCH_BYTES),
             storage("report", size_of::<layout::Report>()),
-            storage("table_in", self.table * 4),
-            storage("table_out", self.table * 4),
-            storage("blocks_in", (capacity + 1) * 4),
-            storage("blocks_out", (capacity + 1) * 4),
+            storage("table_in", table::entries(capacity) * 8),
+            storage("table_out", table::entries(capacity) * 8),
+            storage("blocks_in", capacity * 4),
+            storage("blocks_out", capacity * 4),
             storage("grid_in", grid),
             storage("grid_out", grid),
             storage("bins", capacity * 4),
@@ -105,21 +105,22 @@ impl Buffers {
         self.live += n;
     }
 
-    /// Makes room for `capacity` blocks; the grid and block list of `side` survive.
+    /// Makes room for `capacity` blocks; the grid and block list of `side`, bins and work survive.
     pub fn grow(&mut self, gpu: &Gpu, capacity: usize, side: usize) -> Result<(), EngineError> {
         self.counts.capacity = capacity;
-        self.memory.grow(gpu, &self.counts.sizes(), side, &["blocks_in", "grid_in", "work"])
+        self.memory.grow(gpu, &self.counts.sizes(), side, &["blocks_in", "grid_in", "bins", "work"])
     }
 
     /// What an extent stands for now, with `workgroup` lanes.
-    pub fn groups(&self, extent: Extent, workgroup: u32) -> Workgroups<'_> {
+    pub fn groups(&self, (extent, side): Placed, workgroup: u32) -> Workgroups<'_> {
+        let on_device = |name: &str, groups| {
+            Workgroups::Device(self.memory.of_side(name, side), (layout::DISPATCH_BYTES * groups as usize) as u64)
+        };
         match extent {
-            Extent::One => Workgroups::Folded(1),
             Extent::Particles => Workgroups::Folded(self.live.div_ceil(workgroup as usize)),
-            Extent::Device(which) => {
-                let offset = layout::DISPATCH_BYTES * which as usize;
-                Workgroups::Device(self.memory.get("dispatches"), offset as u64)
-            }
+            Extent::Slots => Workgroups::Folded(self.counts.capacity),
+            Extent::Device(groups) => on_device("dispatches_in", groups),
+            Extent::Late(groups) => on_device("dispatches_out", groups),
         }
     }
 }

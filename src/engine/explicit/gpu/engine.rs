@@ -9,7 +9,8 @@ use super::layout::{self, Params, Report};
 use super::readback;
 use super::scene::{self, SceneData};
 use super::segment::Course;
-use super::stages::{Extent, Stages};
+use super::stages::{Placed, Stages};
+use super::table;
 use super::upload::{DeviceLayout, grid_offsets};
 use crate::contract::{Backend, Control, Engine, EngineError, FrameStats, StateError};
 use crate::gpu::memory::Memory;
@@ -67,7 +68,6 @@ impl GpuEngine {
         let scene = SceneData::new(setup);
         let counts = Counts {
             particles: setup.total_particles(),
-            table: layout.table_len(),
             // Room to spread before the first growth.
             capacity: layout.active_blocks(&state.position) * 5 / 4 + 64,
             grids: grid_offsets(setup.kernel).len(),
@@ -122,7 +122,7 @@ impl GpuEngine {
     /// Accounts for steps that were submitted outside a frame, after they ended.
     pub(super) fn settle(&mut self, steps: u64, dt_s: f64) -> Result<(), EngineError> {
         let report = self.read_report()?;
-        if report.halt != 0 || report.finished == 0 {
+        if report.halt != 0 || report.error != 0 || report.finished == 0 {
             return Err(self.failure(&report, dt_s));
         }
         self.arrive(&report);
@@ -169,6 +169,7 @@ impl GpuEngine {
         self.params.soft_growth = timestep::MAX_GROWTH as f32;
         self.params.soft_demand = (timestep::REPLAN_DEMAND / (dt_s * dt_s)) as f32;
         self.params.capacity = self.buffers.counts.capacity as u32;
+        self.params.table_shift = table::shift(self.buffers.counts.capacity);
     }
 
     pub(super) fn write_params(&self) {
@@ -201,11 +202,11 @@ impl GpuEngine {
         self.write_params();
     }
 
-    pub(super) fn submit<'a>(&self, work: impl IntoIterator<Item = &'a Dispatch<Extent>>) -> wgpu::SubmissionIndex {
+    pub(super) fn submit<'a>(&self, work: impl IntoIterator<Item = &'a Dispatch<Placed>>) -> wgpu::SubmissionIndex {
         self.gpu.pass(|pass| work.into_iter().for_each(|dispatch| self.record(pass, dispatch)))
     }
 
-    pub(super) fn record(&self, pass: &mut wgpu::ComputePass, dispatch: &Dispatch<Extent>) {
+    pub(super) fn record(&self, pass: &mut wgpu::ComputePass, dispatch: &Dispatch<Placed>) {
         dispatch.record(pass, self.buffers.groups(dispatch.extent, self.gpu.workgroup));
     }
 

@@ -8,8 +8,8 @@ use gridfall_core::sim::divergence::describe;
 
 impl GpuEngine {
     pub(super) fn failure(&self, report: &Report, dt_s: f64) -> EngineError {
-        let step = self.steps + u64::from(report.index);
-        let time_s = self.time_s + f64::from(report.index) * dt_s;
+        let step = self.steps + u64::from(report.step);
+        let time_s = self.time_s + f64::from(report.step) * dt_s;
         let id = report.error_particle as usize;
         let (who, cause) = self.suspect(id).unwrap_or_default();
         if report.error & layout::ERROR_DOMAIN != 0 && report.error & layout::ERROR_NAN == 0 {

@@ -15,6 +15,8 @@ pub const TOUCH_CHANNELS: usize = 5;
 /// Blocks of room around a domain with walls: particles may stand a little beyond a wall, and
 /// scatter further.
 pub const PAD_BLOCKS: usize = 2;
+/// Entries of the block table that are looked at before a block is given up (`PROBES` in the shaders).
+pub const TABLE_PROBES: u32 = 128;
 /// Most particles in a work item (`WORK_MAX` in the shaders).
 pub const WORK_MAX: usize = 1024;
 
@@ -26,7 +28,7 @@ pub fn place_of_state(particle: usize, channels: usize) -> usize {
     particle / STATE_GROUP * STATE_GROUP * channels + particle % STATE_GROUP
 }
 
-/// Most layers of the block table: bodies with contact of their own, and one for all others.
+/// Most layers of blocks: bodies with contact of their own, and one for all others.
 pub const MOST_FIELDS: usize = pair::MOST + 1;
 
 /// Copies of the surfaces' sums, which the host adds up (`REPLICAS` in the shaders).
@@ -45,21 +47,19 @@ pub const ERROR_CFL: u32 = 2;
 pub const ERROR_DOMAIN: u32 = 4;
 pub const ERROR_RANGE: u32 = 8;
 
-/// Indirect dispatches that there is room for, and the bytes of each.
-pub const DISPATCHES: usize = 8;
+/// Bytes of an indirect dispatch.
 pub const DISPATCH_BYTES: usize = 16;
 
-/// Indirect dispatches, in the order of the shaders' `GROUPS_*`.
+/// Indirect dispatches, in the order of `GROUPS_*` in `wgsl/explicit/bin.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Groups {
-    Stale = 0,
-    Work = 1,
-    BlocksIn = 2,
-    BlocksOut = 3,
-    SlotsOut = 4,
-    Particles = 5,
+    /// A workgroup a work item.
+    Work = 0,
+    /// A workgroup an active block.
+    Blocks = 1,
 }
+pub const DISPATCHES: usize = 2;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -91,7 +91,7 @@ pub struct Params {
     pub resets: u32,
     pub steps: u32,
     pub lowest: [f32; 3],
-    pub spare0: u32,
+    pub table_shift: u32,
     pub highest: [f32; 3],
     pub spare1: u32,
     pub outer_low: [f32; 3],
@@ -106,26 +106,29 @@ pub struct Params {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Report {
     pub halt: u32,
+    pub asks: u32,
     pub error: u32,
     pub error_particle: u32,
     pub max_shift: u32,
     pub max_speed: u32,
+    pub max_demand: u32,
+    pub started: u32,
     pub step: u32,
-    pub index: u32,
+    pub ran: u32,
+    pub blocks: u32,
+    pub wanted: u32,
+    pub needed: u32,
+    pub work: u32,
     pub work_count: u32,
     pub cursor: u32,
-    pub stale: u32,
-    pub needed: u32,
-    pub max_demand: u32,
     pub isolated: u32,
     pub finished: u32,
-    pub groups: [u32; DISPATCHES],
 }
 
 impl Report {
-    /// Before a frame's first commit, which counts up to step 0.
+    /// Before a frame's first stage.
     pub fn frame_start() -> Self {
-        Self { error_particle: u32::MAX, step: u32::MAX, ..Self::default() }
+        Self { error_particle: u32::MAX, ..Self::default() }
     }
 }
 

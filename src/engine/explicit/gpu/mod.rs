@@ -23,6 +23,7 @@ pub(crate) mod scene;
 mod segment;
 mod staged;
 pub mod stages;
+mod table;
 pub mod timing;
 pub(crate) mod upload;
 
@@ -40,6 +41,9 @@ pub fn supports(setup: &Setup) -> Result<(), String> {
     }
     if !matches!(setup.kernel, Kernel::Compact | Kernel::Quadratic) {
         return Err("the GPU engine has the compact and the quadratic kernel".into());
+    }
+    if !upload::is_numbered(setup) {
+        return Err("the domain has more blocks of 4³ cells than the GPU engine can number (2³¹)".into());
     }
     if setup.transfer == Transfer::Pic {
         return Err("the GPU engine has the transfers apic, mls and mls-published".into());

@@ -1,7 +1,9 @@
 //! States from the device: particles at a frame boundary, grid nodes for comparison with the CPU.
 
 use super::buffers::Buffers;
-use super::layout::{BLOCK_NODES, NODE_CHANNELS, Params, REACTION_UNITS, REPLICAS, TOUCH_CHANNELS, VELOCITY_CHANNELS};
+use super::layout::{
+    BLOCK_NODES, NODE_CHANNELS, Params, REACTION_UNITS, REPLICAS, Report, TOUCH_CHANNELS, VELOCITY_CHANNELS,
+};
 use super::upload::{DeviceLayout, grid_offsets};
 use crate::contract::EngineError;
 use crate::gpu::Gpu;
@@ -64,14 +66,14 @@ pub fn nodes(
     side: usize,
     updated: bool,
 ) -> Result<Vec<GridNode>, EngineError> {
-    let blocks: Vec<u32> = gpu.read(b.memory.of_side("blocks_in", side), b.counts.capacity + 1)?;
-    let active = (blocks[0] as usize).min(b.counts.capacity);
+    let active = b.memory.read::<Report>(gpu, "report", 1)?[0].blocks as usize;
+    let blocks: Vec<u32> = gpu.read(b.memory.of_side("blocks_in", side), active)?;
     let grids = b.counts.grids;
     let values: Vec<i32> = gpu.read(b.memory.of_side("grid_in", side), active * grids * BLOCK_NODES * NODE_CHANNELS)?;
     let momentum_unit = 1.0 / f64::from(params.momentum_scale);
     let mut out = Vec::new();
     for slot in 0..active {
-        let block = blocks[slot + 1];
+        let block = blocks[slot];
         let [nx, ny, nz] = params.blocks;
         let corner = [block % nx, (block / nx) % ny, (block / (nx * ny)) % nz];
         for grid in 0..grids {

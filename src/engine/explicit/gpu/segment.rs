@@ -8,7 +8,8 @@ use super::buffers::CHUNK_STEPS;
 use super::engine::GpuEngine;
 use super::layout::{self, Report};
 use super::readback;
-use super::stages::{Extent, Stages};
+use super::stages::{Placed, Stages};
+use super::table;
 use crate::contract::{Control, EngineError};
 use crate::gpu::program::{Dispatch, Tools};
 use gridfall_core::sim::reaction::Reaction;
@@ -68,10 +69,9 @@ pub(super) struct Segment {
 }
 
 impl GpuEngine {
-    /// Forgets the blocks of a side.
-    fn clear_side(&self, encoder: &mut wgpu::CommandEncoder, side: usize) {
-        encoder.clear_buffer(self.memory().of_side("table_in", side), 0, None);
-        encoder.clear_buffer(self.memory().of_side("blocks_in", side), 0, Some(4));
+    /// Zeroes buffers, named as on a side.
+    fn clear(&self, encoder: &mut wgpu::CommandEncoder, side: usize, names: &[&str]) {
+        names.iter().for_each(|name| encoder.clear_buffer(self.memory().of_side(name, side), 0, None));
     }
 
     /// Full states → grid on side 0.
@@ -82,8 +82,7 @@ impl GpuEngine {
         self.write_poses(0, 1, course.dt_s, 0);
         self.write_report(&Report::frame_start());
         self.gpu.submit(|encoder| {
-            (0..2).for_each(|side| self.clear_side(encoder, side));
-            encoder.clear_buffer(self.memory().get("reactions"), 0, None);
+            self.clear(encoder, 0, &["table_in", "table_out", "grid_in", "grid_out", "bins", "reactions"]);
         });
         self.submit(self.stages.frame_start.iter());
     }
@@ -96,16 +95,14 @@ impl GpuEngine {
         loop {
             self.run_passes(done, course, control)?;
             let report = self.read_report()?;
-            // The start's own commit counts up from -1 to 0.
-            let started = report.step != u32::MAX;
-            done = if started { u64::from(report.step) } else { 0 };
-            if report.halt & layout::HALT_ERROR != 0 {
+            done = u64::from(report.step);
+            if report.error != 0 {
                 return Err(self.failure(&report, dt_s));
             }
             if report.halt & layout::HALT_BLOCKS != 0 {
                 self.grow(&report, (done % 2) as usize)?;
-                if started {
-                    self.write_report(&Report { halt: report.halt & !layout::HALT_BLOCKS, ..report });
+                if report.started != 0 {
+                    self.write_report(&Report { halt: 0, wanted: 0, ..report });
                 } else {
                     self.start(course);
                 }
@@ -119,7 +116,7 @@ impl GpuEngine {
                 self.write_poses(done, 1, dt_s, if staggered { done } else { done + 1 });
                 self.submit(self.stages.frame_end[(done % 2) as usize].iter());
                 let end = self.read_report()?;
-                if end.halt & layout::HALT_ERROR != 0 {
+                if end.error != 0 {
                     return Err(self.failure(&end, dt_s));
                 }
                 self.arrive(&end);
@@ -179,21 +176,30 @@ impl GpuEngine {
     }
 
     /// The dispatches of pass `k` of `total`.
-    pub(super) fn stages_of(&self, k: u64, total: u64) -> impl Iterator<Item = &Dispatch<Extent>> {
+    pub(super) fn stages_of(&self, k: u64, total: u64) -> impl Iterator<Item = &Dispatch<Placed>> {
         let lists = if k + 1 == total { &self.stages.frame_end } else { &self.stages.step };
         lists[(k % 2) as usize].iter()
     }
 
     fn grow(&mut self, report: &Report, side: usize) -> Result<(), EngineError> {
         let old = self.buffers.counts.capacity;
-        let capacity = (report.needed as usize * 5 / 4 + 64).max(old * 3 / 2);
+        let mut capacity = (report.needed as usize * 5 / 4 + 64).max(old * 3 / 2);
+        let blocks: Vec<u32> = self.gpu.read(self.memory().of_side("blocks_in", side), report.blocks as usize)?;
+        let table = loop {
+            match table::of_blocks(&blocks, capacity) {
+                Some(table) => break table,
+                None => capacity *= 2,
+            }
+        };
         self.buffers.grow(&self.gpu, capacity, side)?;
         self.params.capacity = capacity as u32;
+        self.params.table_shift = table::shift(capacity);
         self.write_params();
         let tools = Tools { gpu: &self.gpu, programs: &self.programs };
         self.stages = Stages::new(tools, &self.buffers.memory, &self.setup);
         // The interrupted activation left claims without slots.
-        self.gpu.submit(|encoder| self.clear_side(encoder, 1 - side));
+        self.gpu.submit(|encoder| self.clear(encoder, side, &["table_out"]));
+        self.gpu.queue.write_buffer(self.memory().of_side("table_in", side), 0, bytemuck::cast_slice(&table));
         tracing::debug!(old, capacity, "grid grown");
         Ok(())
     }

@@ -2,7 +2,6 @@
 
 use super::bookkeeping::{self, Bookkeeping};
 use super::engine::GpuEngine;
-use super::layout;
 use super::readback::{self, GridNode};
 use super::segment::Course;
 use crate::contract::{Engine, EngineError};
@@ -57,7 +56,7 @@ impl<'a> Staged<'a> {
 
     /// Dispatches of a frame's last step up to the updated grid.
     fn updated(&self) -> usize {
-        2 + usize::from(side::layers(&self.engine.setup) > 1)
+        1 + usize::from(side::layers(&self.engine.setup) > 1)
     }
 
     /// The side of the grid that was filled last.
@@ -67,7 +66,7 @@ impl<'a> Staged<'a> {
 
     fn check(&self) -> Result<(), EngineError> {
         let report = self.engine.read_report()?;
-        if report.halt & layout::HALT_ERROR != 0 {
+        if report.error != 0 {
             return Err(self.engine.failure(&report, self.dt_s));
         }
         Ok(())

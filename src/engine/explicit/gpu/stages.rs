@@ -11,15 +11,20 @@ use gridfall_core::sim::touch;
 /// How many workgroups a dispatch has.
 #[derive(Clone, Copy, Debug)]
 pub enum Extent {
-    /// One thread.
-    One,
     /// One thread a particle, known to the host.
     Particles,
-    /// Decided on the device.
+    /// One workgroup a slot for blocks, known to the host.
+    Slots,
+    /// Decided on the device, in the step before.
     Device(Groups),
+    /// Decided on the device, in the list that the dispatch is in.
+    Late(Groups),
 }
 
-use Extent::{Device, One, Particles};
+/// An extent, and the side that is `_in`.
+pub type Placed = (Extent, usize);
+
+use Extent::{Device, Late, Particles, Slots};
 
 /// A program in `wgsl/`, and its extent.
 type Stage = (&'static str, Extent);
@@ -28,46 +33,38 @@ type Stage = (&'static str, Extent);
 pub const FRAME_START: &[Stage] = &[
     SIDES,
     ("explicit/mark", Particles),
-    ("explicit/commit", One),
-    ("explicit/clear", Device(Groups::BlocksOut)),
-    ("explicit/rank", Device(Groups::Particles)),
-    ("explicit/offsets", Device(Groups::SlotsOut)),
-    ("explicit/bin", Device(Groups::Particles)),
-    ("explicit/launch", One),
-    ("explicit/touch_start", Device(Groups::Work)),
-    ("explicit/p2g", Device(Groups::Work)),
+    ("explicit/rank", Particles),
+    ("explicit/sweep", Slots),
+    ("explicit/bin", Particles),
+    ("explicit/touch_start", Late(Groups::Work)),
+    ("explicit/p2g", Late(Groups::Work)),
 ];
 
 /// Only in scenes with thin colliders.
 const SIDES: Stage = ("explicit/sides", Particles);
-const JOIN: Stage = ("explicit/join", Device(Groups::BlocksIn));
+const JOIN: Stage = ("explicit/join", Device(Groups::Blocks));
 
 /// Only in scenes with several fields of nodes.
-const PAIRS: Stage = ("explicit/pairs", Device(Groups::BlocksIn));
+const PAIRS: Stage = ("explicit/pairs", Device(Groups::Blocks));
 
 /// Grid n → grid n + 1. Activation comes first, so that a step that lacks room leaves everything
 /// as it was.
 pub const STEP: &[Stage] = &[
-    ("explicit/prepare", One),
-    ("explicit/reset", Device(Groups::Stale)),
     ("explicit/activate", Device(Groups::Work)),
-    ("explicit/commit", One),
     JOIN,
     PAIRS,
-    ("explicit/grid_update", Device(Groups::BlocksIn)),
-    ("explicit/clear", Device(Groups::BlocksOut)),
+    ("explicit/grid_update", Device(Groups::Blocks)),
     ("explicit/touch", Device(Groups::Work)),
     ("explicit/g2p2g", Device(Groups::Work)),
-    ("explicit/offsets", Device(Groups::SlotsOut)),
-    ("explicit/bin", Device(Groups::Particles)),
+    ("explicit/sweep", Slots),
+    ("explicit/bin", Particles),
 ];
 
 /// The last step: grid → full particle states.
 pub const FRAME_END: &[Stage] = &[
-    ("explicit/prepare", One),
     JOIN,
     PAIRS,
-    ("explicit/grid_update", Device(Groups::BlocksIn)),
+    ("explicit/grid_update", Device(Groups::Blocks)),
     ("explicit/touch_end", Device(Groups::Work)),
     ("explicit/g2p", Device(Groups::Work)),
 ];
@@ -80,10 +77,10 @@ pub fn programs() -> Vec<&'static str> {
 /// The lists with a simulation's buffers.
 pub struct Stages {
     /// Fills side 0.
-    pub frame_start: Dispatches<Extent>,
+    pub frame_start: Dispatches<Placed>,
     /// By the side that is `_in`.
-    pub step: [Dispatches<Extent>; 2],
-    pub frame_end: [Dispatches<Extent>; 2],
+    pub step: [Dispatches<Placed>; 2],
+    pub frame_end: [Dispatches<Placed>; 2],
 }
 
 impl Stages {
@@ -97,7 +94,8 @@ impl Stages {
             _ => touches || !name.starts_with("explicit/touch"),
         };
         let on = |side, list: &[Stage]| {
-            let used: Vec<Stage> = list.iter().copied().filter(|(name, _)| has_use(name)).collect();
+            let used = list.iter().filter(|(name, _)| has_use(name));
+            let used: Vec<_> = used.map(|&(name, extent)| (name, (extent, side))).collect();
             Dispatches::new(tools, &used, &Scope::default().and_side(memory, side))
         };
         Self {

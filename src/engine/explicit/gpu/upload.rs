@@ -21,6 +21,23 @@ pub fn grid_offsets(kernel: Kernel) -> &'static [i32] {
     if kernel == Kernel::Quadratic { &[0] } else { &[1, -1] }
 }
 
+/// Blocks of room beyond either end of each axis.
+fn pads(setup: &Setup) -> [usize; 3] {
+    setup.axes.map(|axis| if axis == Axis::Periodic { 0 } else { PAD_BLOCKS })
+}
+
+/// Blocks of a layer along each axis.
+fn extent(setup: &Setup) -> [usize; 3] {
+    let pad = pads(setup);
+    std::array::from_fn(|a| setup.cells[a].div_ceil(4) + 2 * pad[a])
+}
+
+/// Whether an i32 can count the blocks of all layers.
+pub fn is_numbered(setup: &Setup) -> bool {
+    let count = extent(setup).iter().fold(side::layers(setup), |n, blocks| n.saturating_mul(*blocks));
+    count < i32::MAX as usize
+}
+
 /// By field: contact kind, friction, mass of a full node.
 fn contacts(setup: &Setup) -> [[f32; 4]; MOST_FIELDS] {
     let mut all = [[0.0; 4]; MOST_FIELDS];
@@ -65,12 +82,12 @@ pub struct DeviceState {
 impl DeviceLayout {
     pub fn new(setup: &Setup) -> Self {
         let periodic = setup.axes.map(|a| a == Axis::Periodic);
-        let pad = periodic.map(|p| if p { 0 } else { PAD_BLOCKS });
+        let pad = pads(setup);
         let of_bodies = |property: fn(&Material) -> bool| -> Vec<bool> {
             setup.bodies.iter().map(|b| property(&setup.materials[b.material])).collect()
         };
         let (fluid, plastic) = (of_bodies(Material::is_fluid), of_bodies(Material::has_plastic_state));
-        let blocks: [usize; 3] = std::array::from_fn(|a| setup.cells[a].div_ceil(4) + 2 * pad[a]);
+        let blocks = extent(setup);
         let size: usize = blocks.iter().product();
         Self {
             origin: setup.origin,
@@ -104,29 +121,29 @@ impl DeviceLayout {
     /// Blocks that hold particles, or lie beside one that does: what the first activation will ask
     /// for.
     pub fn active_blocks(&self, position: &[[u32; 4]]) -> usize {
-        let mut seen = vec![false; self.table_len()];
-        for p in position {
-            seen[p[3] as usize] = true;
-        }
-        let occupied: Vec<usize> = (0..seen.len()).filter(|&i| seen[i]).collect();
+        let mut occupied: Vec<u32> = position.iter().map(|p| p[3]).collect();
+        occupied.sort_unstable();
+        occupied.dedup();
         let n = self.blocks.map(|b| b as i64);
-        for block in occupied {
-            let b = block as i64;
+        let beside = |block: u32| {
+            let b = i64::from(block);
             let at = [b % n[0], (b / n[0]) % n[1], (b / (n[0] * n[1])) % n[2]];
-            let layer = block - block % self.layer_len();
-            for k in 0..27 {
+            let layer = b - b % self.layer_len() as i64;
+            (0..27).filter_map(move |k| {
                 let c: [i64; 3] = std::array::from_fn(|a| at[a] + [k % 3, (k / 3) % 3, k / 9][a] - 1);
                 let c: [i64; 3] = std::array::from_fn(|a| if self.periodic[a] { c[a].rem_euclid(n[a]) } else { c[a] });
-                if (0..3).all(|a| c[a] >= 0 && c[a] < n[a]) {
-                    seen[layer + ((c[2] * n[1] + c[1]) * n[0] + c[0]) as usize] = true;
-                }
-            }
-        }
-        seen.iter().filter(|&&s| s).count()
+                let inside = (0..3).all(|a| c[a] >= 0 && c[a] < n[a]);
+                inside.then_some((layer + (c[2] * n[1] + c[1]) * n[0] + c[0]) as u32)
+            })
+        };
+        let mut all: Vec<u32> = occupied.into_iter().flat_map(beside).collect();
+        all.sort_unstable();
+        all.dedup();
+        all.len()
     }
 
     /// States by id; plates tell the layers of particles near them. Errors: [`EngineError::LeftDomain`] for a particle
-    /// outside the block table.
+    /// outside all blocks.
     pub fn state(&self, particles: &Particles, plates: &Plates) -> Result<DeviceState, EngineError> {
         let (n, known) = (particles.len(), particles.touch.len());
         let mut state = DeviceState {
