@@ -111,6 +111,7 @@ fn shared_constants_agree() {
         ("ERROR_DOMAIN", layout::ERROR_DOMAIN),
         ("ERROR_RANGE", layout::ERROR_RANGE),
         ("PROBES", layout::TABLE_PROBES),
+        ("PART_CHANNELS", layout::PART_CHANNELS as u32),
         ("WORK_MAX", layout::WORK_MAX as u32),
         ("CHANNEL", layout::BLOCK_NODES as u32),
         ("NODE_CHANNELS", layout::NODE_CHANNELS as u32),

@@ -27,7 +27,8 @@ fn scene(domain: [u32; 3], body: [u32; 3], material: &str, more: &str) -> Proble
 
 const FLUID: &str = r#""model": "weakly-compressible-fluid", "bulk_modulus": 1e5"#;
 const JELLY: &str = r#""model": "fixed-corotated", "youngs_modulus": 1e5, "poissons_ratio": 0.3"#;
-const SAND: &str = r#""model": "drucker-prager", "youngs_modulus": 1e6, "poissons_ratio": 0.3, "friction_angle_degrees": 35"#;
+const SAND: &str =
+    r#""model": "drucker-prager", "youngs_modulus": 1e6, "poissons_ratio": 0.3, "friction_angle_degrees": 35"#;
 
 #[test]
 fn estimates_are_what_runs_take() {

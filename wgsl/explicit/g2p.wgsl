@@ -96,12 +96,7 @@ fn main(
             note(&flags, ERROR_DOMAIN, id);
         }
         frame_position[id] = vec4<u32>(bitcast<vec3<u32>>(next.local), u32(max(block, 0)));
-        for (var k = 0u; k < 3u; k++) {
-            frame_velocity[k * params.particles + id] = g.v[k];
-            frame_velocity[(3u + k) * params.particles + id] = g.B[0][k];
-            frame_velocity[(6u + k) * params.particles + id] = g.B[1][k];
-            frame_velocity[(9u + k) * params.particles + id] = g.B[2][k];
-        }
+        store_motion(id, g.v, g.B);
         store_frame_deformation(id, material.model, next.state);
         let stress = kirchhoff(next.state, principal, material, g.gradient * (1.0 / params.dx));
         // A comparison by bits orders numbers that are not negative; NaN shows in the next step.

@@ -92,11 +92,11 @@ struct Work { block: u32, start: u32, count: u32, touched: u32, at: vec3<i32>, l
 @group(0) @binding(11) var<storage, read_write> list: array<u32>; // bin position -> particle
 @group(0) @binding(12) var<storage, read_write> position_in: array<vec4<u32>>; // offset in block (f32 bits), id
 @group(0) @binding(13) var<storage, read_write> position_out: array<vec4<u32>>;
-@group(0) @binding(14) var<storage, read_write> deformation_in: array<f32>; // channel-major: F by columns, or J
+@group(0) @binding(14) var<storage, read_write> deformation_in: array<f32>; // see explicit/state_io, as for the next
 @group(0) @binding(15) var<storage, read_write> deformation_out: array<f32>;
 @group(0) @binding(16) var<storage, read_write> frame_position: array<vec4<u32>>; // by id: offset (f32 bits), block
-@group(0) @binding(17) var<storage, read_write> frame_velocity: array<f32>; // by id, channel-major: v, B/dx by columns
-@group(0) @binding(18) var<storage, read_write> frame_deformation: array<f32>; // by id, channel-major
+@group(0) @binding(17) var<storage, read_write> frame_velocity: array<f32>;
+@group(0) @binding(18) var<storage, read_write> frame_deformation: array<f32>;
 @group(0) @binding(19) var<storage, read> body_of: array<u32>; // by id
 @group(0) @binding(20) var<storage, read> bodies: array<Body>;
 @group(0) @binding(21) var<storage, read> materials: array<Material>;
@@ -106,6 +106,11 @@ struct Work { block: u32, start: u32, count: u32, touched: u32, at: vec3<i32>, l
 @group(0) @binding(25) var<storage, read> sdf_samples: array<f32>; // of all fields, x fastest (m)
 @group(0) @binding(26) var<storage, read_write> reactions: array<atomic<u32>>; // replica, surface, two words a sum
 
+@group(0) @binding(31) var<storage, read_write> rest_in: array<f32>;
+@group(0) @binding(32) var<storage, read_write> rest_out: array<f32>;
+@group(0) @binding(33) var<storage, read_write> frame_rest: array<f32>;
+@group(0) @binding(34) var<storage, read_write> frame_velocity_1: array<f32>;
+@group(0) @binding(35) var<storage, read_write> frame_velocity_2: array<f32>;
 @group(0) @binding(27) var<storage, read_write> touches: array<u32>; // by id, channel-major: holds, radius, stretch
 
 override WORKGROUP: u32 = 64u;

@@ -24,14 +24,8 @@ fn main(
         let body = bodies[body_of[id]];
         let material = material_of(body);
         let state = load_frame_deformation(id, material.model);
-        var v: vec3<f32>;
-        var B: mat3x3<f32>;
-        for (var k = 0u; k < 3u; k++) {
-            v[k] = frame_velocity[k * params.particles + id];
-            B[0][k] = frame_velocity[(3u + k) * params.particles + id];
-            B[1][k] = frame_velocity[(6u + k) * params.particles + id];
-            B[2][k] = frame_velocity[(9u + k) * params.particles + id];
-        }
+        var v = load_velocity(id);
+        let B = load_affine(id);
         if (TOUCHES && job.touched != 0u) {
             v += touched_kick(to);
         }

@@ -1,7 +1,7 @@
 // Contact at the start of a frame, before p2g: what faces add to velocities.
 // In: states by id. Out, threads: as touch.wgsl.
 //
-// uses explicit/touching, explicit/move
+// uses explicit/touching, explicit/move, explicit/state_io
 
 @compute @workgroup_size(64)
 fn main(
@@ -16,11 +16,7 @@ fn main(
     for (var i = lane; i < count; i += 64u) {
         let id = list[job.start + i];
         let y = bitcast<vec3<f32>>(frame_position[id].xyz);
-        var v: vec3<f32>;
-        for (var k = 0u; k < 3u; k++) {
-            v[k] = frame_velocity[k * params.particles + id];
-        }
-        touch_particle(item, job.start + i, id, corner, y, y, v, 0.0, kick(report.step));
+        touch_particle(item, job.start + i, id, corner, y, y, load_velocity(id), 0.0, kick(report.step));
     }
     workgroupBarrier();
     flush_reactions(item, lane);

@@ -54,8 +54,8 @@ impl Sizes {
     }
 
     /// Errors: [`EngineError::Capacity`] when a buffer does not fit the device.
-    fn check(&self, limits: &wgpu::Limits) -> Result<(), EngineError> {
-        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    pub fn check(&self, limits: &wgpu::Limits) -> Result<(), EngineError> {
+        let most = most_bytes(limits);
         let Some(Size { name, bytes, .. }) = self.buffers.iter().find(|size| size.bytes as u64 > most) else {
             return Ok(());
         };
@@ -64,6 +64,11 @@ impl Sizes {
             self.load, self.remedy
         )))
     }
+}
+
+/// Most bytes of a buffer.
+pub fn most_bytes(limits: &wgpu::Limits) -> u64 {
+    limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
 }
 
 /// Buffers by the names that they have in shaders.

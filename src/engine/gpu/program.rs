@@ -11,8 +11,8 @@ use super::source::{compose, file, is_unchecked};
 use super::variant::Variant;
 use crate::contract::EngineError;
 
-/// Storage buffers that a program may bind: what nearly all devices offer a stage.
-pub const STORAGE_BUFFERS: u32 = 16;
+/// Storage buffers that a program may bind: fewer than GPUs that are worth it offer a stage.
+pub const STORAGE_BUFFERS: u32 = 20;
 
 /// A buffer that a shader's entry point uses.
 #[derive(Clone, Debug)]
@@ -200,6 +200,11 @@ pub enum Workgroups<'a> {
 /// Most workgroups in x of a folded dispatch; 65,535 is the limit.
 const FOLD: usize = 32768;
 
+/// So many workgroups or a few more, in x and y.
+pub fn folded(n: usize) -> [u32; 2] {
+    [n.min(FOLD) as u32, n.div_ceil(FOLD) as u32]
+}
+
 /// A program with its buffers and an extent, of which its number of workgroups follows.
 pub struct Dispatch<E> {
     program: Arc<Program>,
@@ -228,7 +233,10 @@ impl<E> Dispatch<E> {
         pass.set_pipeline(&self.program.pipeline);
         pass.set_bind_group(0, &self.bind, &[]);
         match groups {
-            Workgroups::Folded(n) => pass.dispatch_workgroups(n.min(FOLD) as u32, n.div_ceil(FOLD) as u32, 1),
+            Workgroups::Folded(n) => {
+                let [x, y] = folded(n);
+                pass.dispatch_workgroups(x, y, 1);
+            }
             Workgroups::Grid([x, y]) => pass.dispatch_workgroups(x, y, 1),
             Workgroups::Device(buffer, offset) => pass.dispatch_workgroups_indirect(buffer, offset),
         }

@@ -1,6 +1,6 @@
 //! Device memory of a simulation: every size in one place.
 
-use super::layout::{self, BLOCK_NODES, NODE_CHANNELS, TOUCH_CHANNELS, VELOCITY_CHANNELS, WORK_MAX};
+use super::layout::{self, BLOCK_NODES, NODE_CHANNELS, TOUCH_CHANNELS, WORK_MAX};
 use super::scene::SceneSizes;
 use super::stages::{Extent, Placed};
 use super::table;
@@ -29,12 +29,19 @@ pub struct Counts {
 }
 
 impl Counts {
+    /// Buffers with the deformation of particles by id, and their channels.
+    pub fn deformation(&self) -> [(&'static str, usize); 2] {
+        let [first, rest] = layout::deformation_parts(self.channels);
+        [("frame_deformation", first), ("frame_rest", rest)]
+    }
+
     /// Buffers by the names in `wgsl/explicit/layout.wgsl`.
     pub fn sizes(&self) -> Sizes {
         let (particles, capacity) = (self.particles, self.capacity);
         let grid = capacity * self.grids * BLOCK_NODES * NODE_CHANNELS * 4;
-        let deformation = particles * self.channels * 4;
-        let groups = particles.next_multiple_of(layout::STATE_GROUP) * self.channels * 4;
+        let by_id = |channels: usize| particles * channels * 4;
+        let grouped = |channels: usize| particles.next_multiple_of(layout::STATE_GROUP) * channels * 4;
+        let [first, rest] = layout::deformation_parts(self.channels);
         let work = capacity + particles / WORK_MAX + 1;
         let mut buffers = vec![
             uniform("params", size_of::<layout::Params>()),
@@ -53,17 +60,20 @@ impl Counts {
             storage("list", particles * 4),
             storage("position_in", particles * 16),
             storage("position_out", particles * 16),
-            storage("deformation_in", groups),
-            storage("deformation_out", groups),
+            storage("deformation_in", grouped(first)),
+            storage("deformation_out", grouped(first)),
+            storage("rest_in", grouped(rest)),
+            storage("rest_out", grouped(rest)),
             storage("frame_position", particles * 16),
-            storage("frame_velocity", particles * VELOCITY_CHANNELS * 4),
-            storage("frame_deformation", deformation),
+            storage("frame_deformation", by_id(first)),
+            storage("frame_rest", by_id(rest)),
             storage("body_of", particles * 4),
             // And where they are afterwards.
             self.scene.poses(CHUNK_STEPS + 1),
             storage("touches", if self.touches { particles * TOUCH_CHANNELS * 4 } else { 4 }),
             storage("reactions", layout::REPLICAS * self.scene.reaction_sums() * 8),
         ];
+        buffers.extend(layout::MOTION.map(|(name, channels)| storage(name, by_id(channels))));
         buffers.extend(self.scene.buffers);
         Sizes {
             buffers,
@@ -90,15 +100,16 @@ impl Buffers {
     /// Writes states behind those that there are, for which there must be room.
     pub fn put_states(&mut self, gpu: &Gpu, state: &DeviceState, body_of: &[u32]) {
         let (first, stride, n) = (self.live, self.counts.particles, state.position.len());
-        let channels = |name: &str, values: &[f32]| {
-            for (k, channel) in values.chunks_exact(n.max(1)).enumerate() {
+        let channels = |parts: &[(&str, usize)], values: &[f32]| {
+            let places = parts.iter().flat_map(|&(name, channels)| (0..channels).map(move |k| (name, k)));
+            for ((name, k), channel) in places.zip(values.chunks_exact(n.max(1))) {
                 self.memory.write(gpu, name, k * stride + first, channel);
             }
         };
         self.memory.write(gpu, "frame_position", first, &state.position);
         self.memory.write(gpu, "body_of", first, body_of);
-        channels("frame_velocity", &state.velocity);
-        channels("frame_deformation", &state.deformation);
+        channels(&layout::MOTION, &state.velocity);
+        channels(&self.counts.deformation(), &state.deformation);
         for (k, channel) in state.touches.chunks_exact(n.max(1)).enumerate() {
             self.memory.write(gpu, "touches", k * stride + first, channel);
         }
@@ -122,5 +133,41 @@ impl Buffers {
             Extent::Device(groups) => on_device("dispatches_in", groups),
             Extent::Late(groups) => on_device("dispatches_out", groups),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::scene::SceneData;
+    use super::*;
+    use crate::gpu::{WORKGROUP, memory::most_bytes};
+
+    /// The largest binding of Vulkan and DX12 by way of wgpu, and indices of 32 bits.
+    #[test]
+    fn a_hundred_million_particles_fit_bindings() {
+        let particles = 100_000_000;
+        // Eight to a cell in a body without much surface, and everything that a scene may have.
+        let capacity = particles / 512 * 3 / 2;
+        let scene = SceneData::default().sizes();
+        let counts = Counts { particles, capacity, grids: 2, channels: 10, touches: true, scene };
+        let sizes = counts.sizes();
+        let limits = wgpu::Limits {
+            max_storage_buffer_binding_size: (1 << 31) - 1,
+            max_buffer_size: 1 << 40,
+            ..Default::default()
+        };
+        sizes.check(&limits).unwrap_or_else(|e| panic!("{e}"));
+        let words = sizes.buffers.iter().map(|size| size.bytes / 4).max().unwrap();
+        println!("{:.1} GB in all, at most {words} words a buffer", sizes.total_bytes() as f64 / 1e9);
+        assert!(most_bytes(&limits) as usize / 4 >= words && words < u32::MAX as usize);
+        // Without a plastic state or contact at particles, still more.
+        let simple = Counts { particles: 107_000_000, channels: 9, touches: false, ..counts };
+        simple.sizes().check(&limits).unwrap_or_else(|e| panic!("{e}"));
+        let [x, y] = crate::gpu::program::folded(particles.div_ceil(WORKGROUP as usize));
+        assert!(x <= 65_535 && y <= 65_535 && (x * y) as usize * WORKGROUP as usize >= particles);
+        // A buffer more than that is refused with a remedy.
+        let too_many = Counts { particles: 140_000_000, ..counts };
+        let refusal = too_many.sizes().check(&limits).unwrap_err().to_string();
+        assert!(refusal.contains("use fewer particles"), "{refusal}");
     }
 }

@@ -24,15 +24,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let m = materials[body_of[i]];
     let state = load_deformation(i, m.model);
     var P: mat3x3<f32>;
-    frame_velocity[9u * n + i] = elastic_energy_pk1(m, state.F, state.q, &P);
+    set_frame_motion(9u, i, elastic_energy_pk1(m, state.F, state.q, &P));
     let s = fine_svd(state.F);
     var dF: mat3x3<f32>;
     dF[i % 3u][(i / 3u) % 3u] = 1.0;
     let dP = projected_times(projected(s, elastic_slopes(m, s.sigma, state.q)), dF);
     for (var c = 0u; c < 3u; c++) {
         for (var r = 0u; r < 3u; r++) {
-            frame_velocity[(3u * c + r) * n + i] = P[c][r];
-            frame_deformation[(3u * c + r) * n + i] = dP[c][r];
+            set_frame_motion(3u * c + r, i, P[c][r]);
+            set_frame_state(3u * c + r, i, dP[c][r]);
         }
     }
 }

@@ -5,7 +5,7 @@
 use rand::{Rng, SeedableRng, rngs::StdRng};
 
 use super::buffers::Counts;
-use super::layout::{self, Params, STATE_GROUP, place_of_state};
+use super::layout::{self, PART_CHANNELS, Params, STATE_GROUP, place_of_state};
 use super::scene::{SceneData, material};
 use crate::gpu::device::test_gpu;
 use crate::gpu::memory::{Memory, Scope};
@@ -41,13 +41,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let again = diagonal_times(s.u, s.sigma, s.v);
     for (var c = 0u; c < 3u; c++) {
         for (var r = 0u; r < 3u; r++) {
-            frame_velocity[(3u * c + r) * n + i] = stress.tau[c][r];
-            frame_deformation[(3u * c + r) * n + i] = again[c][r];
+            set_frame_motion(3u * c + r, i, stress.tau[c][r]);
+            set_frame_state(3u * c + r, i, again[c][r]);
         }
     }
-    frame_velocity[9u * n + i] = stress.stiffening;
-    frame_velocity[10u * n + i] = max(off_identity(s.u), off_identity(s.v));
-    frame_velocity[11u * n + i] = determinant(s.u) * determinant(s.v);
+    set_frame_motion(9u, i, stress.stiffening);
+    set_frame_motion(10u, i, max(off_identity(s.u), off_identity(s.v)));
+    set_frame_motion(11u, i, determinant(s.u) * determinant(s.v));
 }
 ";
 
@@ -92,15 +92,17 @@ struct Answer {
 /// Runs a shader, one thread a state.
 pub(super) fn run(gpu: &Gpu, materials: &[Material], states: &[State], text: &str) -> Written {
     let n = states.len();
-    let (channels, one) = (10, 1);
+    let one = 1;
     let bodies = vec![layout::Body::default()];
     let scene = SceneData { bodies, materials: materials.iter().map(material).collect(), ..SceneData::default() };
-    let counts =
-        Counts { particles: n, table: one, capacity: one, grids: one, channels, touches: false, scene: scene.sizes() };
+    let counts = Counts { particles: n, capacity: one, grids: one, channels: 10, touches: false, scene: scene.sizes() };
     let memory = Memory::new(gpu, &counts.sizes()).unwrap();
-    let stored = channels * n.next_multiple_of(STATE_GROUP);
-    let mut deformation = vec![0.0f32; stored];
-    let place = |k: usize, i: usize| place_of_state(i, channels) + STATE_GROUP * k;
+    // Both buffers have five channels, and lie one after the other here.
+    let stored = PART_CHANNELS * n.next_multiple_of(STATE_GROUP);
+    let mut deformation = vec![0.0f32; 2 * stored];
+    let place = |k: usize, i: usize| {
+        k / PART_CHANNELS * stored + place_of_state(i, PART_CHANNELS) + STATE_GROUP * (k % PART_CHANNELS)
+    };
     for (i, state) in states.iter().enumerate() {
         if materials[state.material].is_fluid() {
             deformation[place(0, i)] = det(&state.f) as f32;
@@ -116,21 +118,25 @@ pub(super) fn run(gpu: &Gpu, materials: &[Material], states: &[State], text: &st
     memory.write(gpu, "params", 0, &[params]);
     scene.write(gpu, &memory);
     memory.write(gpu, "body_of", 0, &body_of);
-    memory.write(gpu, "deformation_in", 0, &deformation);
+    memory.write(gpu, "deformation_in", 0, &deformation[..stored]);
+    memory.write(gpu, "rest_in", 0, &deformation[stored..]);
 
     let variant = Variant::full(Kernel::Compact, Transfer::Mls);
     let shader = Shader::of_text("laws", text, variant, gpu.workgroup).unwrap_or_else(|e| panic!("{e}"));
     let dispatch = Dispatch::of(gpu, gpu.program("laws", shader), (), &Scope::of(&memory));
     gpu.pass(|pass| dispatch.record(pass, Workgroups::Folded(n.div_ceil(64))));
     gpu.check().unwrap();
-    let read = |name: &str, channels: usize| -> Vec<f32> { memory.read(gpu, name, channels * n).unwrap() };
-    let after: Vec<f32> = memory.read(gpu, "deformation_out", stored).unwrap();
-    let places = (0..channels).flat_map(|k| (0..n).map(move |i| (k, i)));
+    let read = |parts: &[(&str, usize)]| -> Vec<f32> {
+        parts.iter().flat_map(|(name, channels)| memory.read::<f32>(gpu, name, channels * n).unwrap()).collect()
+    };
+    let after: Vec<f32> =
+        ["deformation_out", "rest_out"].map(|name| memory.read::<f32>(gpu, name, stored).unwrap()).concat();
+    let places = (0..10).flat_map(|k| (0..n).map(move |i| (k, i)));
     Written {
         states: n,
         deformation: places.map(|(k, i)| after[place(k, i)]).collect(),
-        velocity: read("frame_velocity", 12),
-        frame_deformation: read("frame_deformation", channels),
+        velocity: read(&layout::MOTION),
+        frame_deformation: read(&counts.deformation()),
     }
 }
 

@@ -20,6 +20,21 @@ pub const TABLE_PROBES: u32 = 128;
 /// Most particles in a work item (`WORK_MAX` in the shaders).
 pub const WORK_MAX: usize = 1024;
 
+/// Most channels of a buffer of states (`PART_CHANNELS` in the shaders).
+pub const PART_CHANNELS: usize = 5;
+/// Buffers with v and B of particles by id, and their channels.
+pub const MOTION: [(&str, usize); 3] = [
+    ("frame_velocity", PART_CHANNELS),
+    ("frame_velocity_1", PART_CHANNELS),
+    ("frame_velocity_2", VELOCITY_CHANNELS - 2 * PART_CHANNELS),
+];
+
+/// Of so many channels of a deformation, those in its first buffer, and in the other.
+pub fn deformation_parts(channels: usize) -> [usize; 2] {
+    let first = channels.min(PART_CHANNELS);
+    [first, channels - first]
+}
+
 /// Particles whose states inside a frame lie together, channel by channel (`wgsl/explicit/state_io.wgsl`).
 pub const STATE_GROUP: usize = 32;
 

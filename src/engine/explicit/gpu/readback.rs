@@ -1,9 +1,7 @@
 //! States from the device: particles at a frame boundary, grid nodes for comparison with the CPU.
 
 use super::buffers::Buffers;
-use super::layout::{
-    BLOCK_NODES, NODE_CHANNELS, Params, REACTION_UNITS, REPLICAS, Report, TOUCH_CHANNELS, VELOCITY_CHANNELS,
-};
+use super::layout::{self, BLOCK_NODES, NODE_CHANNELS, Params, REACTION_UNITS, REPLICAS, Report, TOUCH_CHANNELS};
 use super::upload::{DeviceLayout, grid_offsets};
 use crate::contract::EngineError;
 use crate::gpu::Gpu;
@@ -30,8 +28,12 @@ pub struct GridNode {
 pub fn particles(gpu: &Gpu, b: &Buffers, layout: &DeviceLayout) -> Result<Particles, EngineError> {
     let n = b.counts.particles;
     let position: Vec<[u32; 4]> = b.memory.read(gpu, "frame_position", b.live)?;
-    let velocity: Vec<f32> = b.memory.read(gpu, "frame_velocity", VELOCITY_CHANNELS * n)?;
-    let deformation: Vec<f32> = b.memory.read(gpu, "frame_deformation", b.counts.channels * n)?;
+    let read = |parts: &[(&str, usize)]| -> Result<Vec<f32>, EngineError> {
+        let read: Result<Vec<_>, _> = parts.iter().map(|(name, k)| b.memory.read(gpu, name, k * n)).collect();
+        Ok(read?.concat())
+    };
+    let velocity = read(&layout::MOTION)?;
+    let deformation = read(&b.counts.deformation())?;
     let mut particles = layout.particles(&position, &velocity, &deformation, n);
     if b.counts.touches {
         let touches: Vec<u32> = b.memory.read(gpu, "touches", TOUCH_CHANNELS * n)?;

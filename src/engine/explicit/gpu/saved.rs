@@ -3,7 +3,7 @@
 use std::io::{Read, Write};
 
 use super::engine::GpuEngine;
-use super::layout::{TOUCH_CHANNELS, VELOCITY_CHANNELS};
+use super::layout::{self, TOUCH_CHANNELS};
 use crate::contract::StateError;
 use crate::state::{get, get_bodies, get_count, get_one, put};
 
@@ -12,7 +12,7 @@ impl GpuEngine {
     fn channels(&self) -> impl Iterator<Item = (&'static str, usize)> {
         let counts = &self.buffers.counts;
         let touches = counts.touches.then_some(("touches", TOUCH_CHANNELS));
-        [("frame_velocity", VELOCITY_CHANNELS), ("frame_deformation", counts.channels)].into_iter().chain(touches)
+        layout::MOTION.into_iter().chain(counts.deformation()).chain(touches)
     }
 
     pub(super) fn save_state(&self, to: &mut dyn Write) -> Result<(), StateError> {
