@@ -20,3 +20,4 @@ mod meeting;
 mod resumed;
 mod shapes;
 mod sides;
+mod views;
