@@ -4,7 +4,10 @@ use std::io::{self, Read, Write};
 
 use serde::{Deserialize, Serialize};
 
+use gridfall_core::sim::diagnostics::Totals;
+use gridfall_core::sim::excerpt::{Choice, Excerpt};
 use gridfall_core::sim::particles::Particles;
+use gridfall_core::sim::setup::Setup;
 pub use gridfall_core::sim::stats::{FrameStats, Solve};
 
 /// Where and how an engine runs; goes into job records, recordings and messages.
@@ -103,6 +106,37 @@ pub enum StateError {
     Io(#[from] io::Error),
 }
 
+/// What is recorded of a frame boundary.
+pub struct View {
+    /// Sums over all particles.
+    pub totals: Totals,
+    /// One a choice.
+    pub excerpts: Vec<Excerpt>,
+}
+
+/// A view that may still be on its way from a device. It does not change with what the engine does next.
+pub struct Pending(Box<dyn FnOnce() -> Result<View, EngineError> + Send>);
+
+impl Pending {
+    /// One that `arrive` waits for, on whatever thread.
+    pub fn new(arrive: impl FnOnce() -> Result<View, EngineError> + Send + 'static) -> Self {
+        Self(Box::new(arrive))
+    }
+
+    /// Waits for it.
+    pub fn arrive(self) -> Result<View, EngineError> {
+        self.0()
+    }
+}
+
+/// Number of parts in which a frame's particles leave an engine.
+const PARTS: usize = 16;
+
+/// Particles of one such part, for [`Engine::visit`].
+fn part(setup: &Setup) -> usize {
+    (setup.total_particles() / PARTS).max(1 << 16).next_multiple_of(Totals::PART)
+}
+
 /// A loaded simulation on one device. Construction loads the problem at time 0.
 pub trait Engine {
     fn backend(&self) -> &Backend;
@@ -134,5 +168,23 @@ pub trait Engine {
     fn visit(&mut self, _part: usize, take: &mut dyn FnMut(usize, Particles)) -> Result<(), EngineError> {
         take(0, self.snapshot()?);
         Ok(())
+    }
+
+    /// The last frame boundary, as far as it is recorded: totals, and the states of chosen particles. `setup` is that
+    /// of the problem that was loaded. An engine whose particles are on a device only asks for it here; who needs the
+    /// view waits, which may be another thread while the next frame is computed.
+    fn view(&mut self, setup: &Setup, choices: &[Choice]) -> Result<Pending, EngineError> {
+        let mut totals = Totals::default();
+        let mut excerpts: Vec<Excerpt> = choices.iter().map(Excerpt::of).collect();
+        self.visit(part(setup), &mut |first, particles| {
+            totals.add(setup, &particles);
+            excerpts.iter_mut().zip(choices).for_each(|(excerpt, choice)| excerpt.take(choice, first, &particles));
+        })?;
+        Ok(Pending::new(move || Ok(View { totals, excerpts })))
+    }
+
+    /// Hands over positions (m) and bodies at the last frame boundary, in parts and in sampling order.
+    fn positions(&mut self, setup: &Setup, take: &mut dyn FnMut(&[[f64; 3]], &[u32])) -> Result<(), EngineError> {
+        self.visit(part(setup), &mut |_, particles| take(&particles.x, &particles.body))
     }
 }

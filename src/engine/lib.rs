@@ -11,4 +11,4 @@ mod keys;
 pub mod programs;
 mod state;
 
-pub use contract::{Backend, Control, Engine, EngineError, FrameStats, NoControl, Solve, StateError};
+pub use contract::{Backend, Control, Engine, EngineError, FrameStats, NoControl, Pending, Solve, StateError, View};

@@ -19,7 +19,8 @@ pub fn programs() -> Result<Vec<Shader>, String> {
         }
         Ok(())
     };
-    add(explicit::stages::programs(), Variant::samples().collect())?;
+    let explicit = [&explicit::stages::programs()[..], &explicit::view::PROGRAMS].concat();
+    add(explicit, Variant::samples().collect())?;
     let implicit = [implicit::stages::programs(), implicit::linear::stages::programs()].concat();
     add(implicit, Variant::coarse_ones().collect())?;
     Ok(all)

@@ -1,7 +1,4 @@
-//! The particles of a frame that are recorded and drawn. Nothing else is kept of a frame while the
-//! next one is computed.
-
-use gridfall_core::sim::particles::Particles;
+//! Which particles are recorded and drawn.
 
 /// At most `limit` of `count` particles, the same in every frame. One is taken from each of `limit`
 /// equal runs of the sampling order, at a hashed place in its run, because a fixed stride would
@@ -41,69 +38,11 @@ pub fn union(a: &[u32], b: &[u32]) -> (Vec<u32>, [Vec<u32>; 2]) {
     (all, within)
 }
 
-/// States of selected particles, in the order of their selection. Arrays have equal length, except
-/// that those of the deformation are empty where nothing that is recorded needs it. Particles that
-/// sources have yet to emit are left out.
-#[derive(Clone, Debug, Default)]
-pub struct Excerpt {
-    /// Number of particles in the selection, including those yet to be emitted.
-    pub selected: usize,
-    deformation: bool,
-    /// Position (m).
-    pub x: Vec<[f64; 3]>,
-    /// Velocity (m/s).
-    pub v: Vec<[f64; 3]>,
-    /// Deformation gradient.
-    pub f: Vec<[f64; 9]>,
-    pub plastic: Vec<f64>,
-    /// Index of the body.
-    pub body: Vec<u32>,
-}
-
-impl Excerpt {
-    /// An empty excerpt with room for a selection, with or without its deformation.
-    pub fn of(selection: &[u32], deformation: bool) -> Self {
-        let n = selection.len();
-        let deformed = if deformation { n } else { 0 };
-        Self {
-            selected: n,
-            deformation,
-            x: Vec::with_capacity(n),
-            v: Vec::with_capacity(n),
-            f: Vec::with_capacity(deformed),
-            plastic: Vec::with_capacity(deformed),
-            body: Vec::with_capacity(n),
-        }
-    }
-
-    /// Takes the selected particles from a part of all particles, which starts with the particle
-    /// `first`. Parts come in order.
-    pub fn take(&mut self, selection: &[u32], first: usize, part: &Particles) {
-        for &id in &selection[self.x.len()..] {
-            let at = id as usize - first;
-            if at >= part.len() {
-                break;
-            }
-            self.x.push(part.x[at]);
-            self.v.push(part.v[at]);
-            self.body.push(part.body[at]);
-            if self.deformation {
-                self.f.push(part.f[at]);
-                self.plastic.push(part.plastic[at]);
-            }
-        }
-    }
-
-    /// How many of a selection within this one exist.
-    pub fn present(&self, within: &[u32]) -> usize {
-        within.partition_point(|&k| (k as usize) < self.x.len())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gridfall_core::sim::particles::IDENTITY;
+    use gridfall_core::sim::excerpt::{Choice, Excerpt};
+    use gridfall_core::sim::particles::{IDENTITY, Particles};
 
     #[test]
     fn decimation_is_even_and_repeatable() {
@@ -119,7 +58,8 @@ mod tests {
     fn an_excerpt_of_two_selections_serves_both() {
         let (a, b) = (select(1_000, 40, 1), select(1_000, 25, 2));
         let (all, [in_a, in_b]) = union(&a, &b);
-        let mut excerpt = Excerpt::of(&all, false);
+        let choice = Choice { ids: all.into(), deformation: false };
+        let mut excerpt = Excerpt::of(&choice);
         // 700 of 1000 particles exist, in parts of unequal length.
         for range in [0..1, 1..250, 250..251, 251..700] {
             let n = range.len();
@@ -132,7 +72,7 @@ mod tests {
                 body: vec![0; n],
                 touch: Vec::new(),
             };
-            excerpt.take(&all, range.start, &part);
+            excerpt.take(&choice, range.start, &part);
         }
         for (selection, within) in [(a, in_a), (b, in_b)] {
             let present = excerpt.present(&within);

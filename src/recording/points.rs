@@ -8,10 +8,10 @@ use foxglove::messages::{PackedElementField, PointCloud, Pose, Quaternion, Times
 use rayon::prelude::*;
 
 use super::appearance::Appearance;
-use super::excerpt::Excerpt;
 use super::palette::{Palette, to_srgb};
 use gridfall_core::material;
 use gridfall_core::maths::linalg::determinant;
+use gridfall_core::sim::excerpt::Excerpt;
 use gridfall_core::sim::setup::{Material, OutputField, Setup};
 
 /// Which particles of an excerpt are recorded, and the layout of a point; the same for all frames.

@@ -11,14 +11,14 @@ use crate::appearance::Appearance;
 use keeper::Keeper;
 
 use crate::checkpoint::{self, Checkpoint, Draft};
-use crate::excerpt::Excerpt;
 use crate::files::RecordingError;
 use crate::picture::thumbnail_selection;
 use crate::state;
-use gridfall_core::sim::diagnostics::{Row, Totals};
+use gridfall_core::sim::diagnostics::Row;
+use gridfall_core::sim::excerpt::Choice;
 use gridfall_core::sim::inlet::Inlets;
 use gridfall_core::sim::setup::Setup;
-use gridfall_engine::{Control, Engine, EngineError, FrameStats, Solve, StateError};
+use gridfall_engine::{Control, Engine, EngineError, FrameStats, Pending, StateError};
 
 /// Where a run's results go.
 #[derive(Clone, Debug)]
@@ -175,11 +175,7 @@ impl<'a> Run<'a> {
         earlier.checkpoint.restore(engine)?;
         let mut keeper = Keeper::resume(subject, engine.backend(), outputs, earlier)?;
         // For the picture, if no frame follows.
-        let wanted = Wanted { recorded: keeper.wanted(), still: Vec::new() };
-        let mut inlets = Inlets::new(subject.setup);
-        let stats = FrameStats::default();
-        let frame = Frame::take(subject.setup, engine, &wanted, &mut inlets, reached.frame, stats)?;
-        keeper.show(frame.excerpt);
+        keeper.show(engine.view(subject.setup, &[keeper.wanted()])?.arrive()?);
         Ok(Self { subject, outputs, keeper, next: reached.frame + 1 })
     }
 
@@ -192,7 +188,9 @@ impl<'a> Run<'a> {
     /// The engine's error (cancellation among them), or that of a file that cannot be written.
     pub fn execute(self, engine: &mut dyn Engine, observer: &dyn Observer) -> Result<Summary, RunError> {
         let Self { subject, outputs, mut keeper, next } = self;
-        let still = if outputs.thumbnail.is_some() { thumbnail_selection(subject.setup) } else { Vec::new() };
+        // Positions and velocities do for pictures.
+        let picture = |ids: Vec<u32>| Choice { ids: ids.into(), deformation: false };
+        let still = outputs.thumbnail.as_ref().map(|_| picture(thumbnail_selection(subject.setup)));
         let wanted = Wanted { recorded: keeper.wanted(), still };
         let outcome = simulate(&mut keeper, engine, outputs, &wanted, next, observer).and_then(|summary| {
             if let Some(path) = outputs.state.as_ref().filter(|_| subject.setup.keep_state) {
@@ -225,7 +223,7 @@ fn simulate(
     observer: &dyn Observer,
 ) -> Result<Summary, RunError> {
     let setup = keeper.setup();
-    // Unbuffered, so that excerpts of at most two frames are in memory.
+    // Unbuffered, so that views of at most two frames are in memory.
     let (sender, receiver) = mpsc::sync_channel(0);
     let (stepped, kept) = thread::scope(|scope| {
         let keeping = scope.spawn(|| -> Result<(), RunError> {
@@ -259,63 +257,44 @@ pub fn advance(
 
 /// What is kept of a frame. Nothing else leaves the engine's thread.
 struct Frame {
-    row: Row,
-    solves: Vec<Solve>,
-    /// Excerpt of the writer's selection.
-    excerpt: Excerpt,
-    /// Excerpt of the picture's selection, in the last frame.
-    still: Option<Excerpt>,
+    number: u64,
+    stats: FrameStats,
+    /// Totals, the excerpt of the writer's choice and, in the last frame, that of the picture's.
+    view: Pending,
     /// The state at its end, where a checkpoint was due.
     draft: Option<Draft>,
 }
 
-/// Selections of particles, by index in sampling order.
+/// Choices of particles.
 struct Wanted {
-    recorded: Vec<u32>,
-    /// Used in the last frame; empty without a picture.
-    still: Vec<u32>,
-}
-
-/// Number of parts in which a frame's particles leave the engine.
-const PARTS: usize = 16;
-
-/// Particles of one such part.
-fn part(setup: &Setup) -> usize {
-    (setup.total_particles() / PARTS).max(1 << 16).next_multiple_of(Totals::PART)
+    recorded: Choice,
+    /// Of the picture of the last frame.
+    still: Option<Choice>,
 }
 
 impl Frame {
-    /// Measures the engine's current frame and takes the excerpts that are wanted.
+    /// Asks for what is wanted of the engine's current frame, but does not wait for it.
     fn take(
         setup: &Setup,
         engine: &mut dyn Engine,
         wanted: &Wanted,
-        inlets: &mut Inlets,
-        frame: u64,
+        number: u64,
         stats: FrameStats,
     ) -> Result<Self, EngineError> {
-        inlets.clear();
-        let mut totals = Totals::default();
-        // Positions and velocities do for pictures.
-        let deformation = setup.fields.iter().any(|field| field.of_deformation());
-        let mut excerpt = Excerpt::of(&wanted.recorded, deformation);
-        let last = frame == u64::from(setup.frames) && !wanted.still.is_empty();
-        let mut still = last.then(|| Excerpt::of(&wanted.still, false));
-        engine.visit(part(setup), &mut |first, particles| {
-            totals.add(setup, &particles);
-            inlets.add(&particles.x, &particles.body);
-            excerpt.take(&wanted.recorded, first, &particles);
-            if let Some(still) = &mut still {
-                still.take(&wanted.still, first, &particles);
-            }
-        })?;
-        let row = totals.row(setup, frame, frame as f64 * setup.frame_s, &stats);
-        Ok(Self { row, solves: stats.solves, excerpt, still, draft: None })
+        let last = number == u64::from(setup.frames);
+        let still = wanted.still.iter().filter(|_| last);
+        let choices: Vec<Choice> = std::iter::once(&wanted.recorded).chain(still).cloned().collect();
+        Ok(Self { number, stats, view: engine.view(setup, &choices)?, draft: None })
     }
 }
 
-/// Fails if a source is to emit into a vessel that is full.
-fn refuse_full(setup: &Setup, inlets: &Inlets, frame: u32) -> Result<(), EngineError> {
+/// Fails if a source is to emit into a vessel that is full, at the start of `frame`.
+fn refuse_full(setup: &Setup, engine: &mut dyn Engine, inlets: &mut Inlets, frame: u32) -> Result<(), EngineError> {
+    if !inlets.awaited(frame) {
+        return Ok(());
+    }
+    inlets.clear();
+    engine.positions(setup, &mut |x, body| inlets.add(x, body))?;
     let Some((source, fill)) = inlets.full(frame) else { return Ok(()) };
     let name = &setup.bodies[setup.sources[source].body].name;
     let time_s = f64::from(frame) * setup.frame_s;
@@ -337,20 +316,16 @@ fn step(
     take: impl Fn(Frame) -> bool,
 ) -> Result<(), EngineError> {
     let mut inlets = Inlets::new(setup);
-    if next > 0 {
-        // What the frame before, which this engine has not computed, says of them.
-        engine.visit(part(setup), &mut |_, particles| inlets.add(&particles.x, &particles.body))?;
-    }
     for frame in next..=u64::from(setup.frames) {
         let mut stats = FrameStats::default();
         if frame > 0 {
             if observer.canceled() {
                 return Err(EngineError::Canceled);
             }
-            refuse_full(setup, &inlets, frame as u32 - 1)?;
+            refuse_full(setup, engine, &mut inlets, frame as u32 - 1)?;
             stats = advance(setup, engine, frame as u32 - 1, observer)?;
         }
-        let mut taken = Frame::take(setup, engine, wanted, &mut inlets, frame, stats)?;
+        let mut taken = Frame::take(setup, engine, wanted, frame, stats)?;
         let between = frame > 0 && frame < u64::from(setup.frames);
         // Asked once: a run that ends here has its state saved here.
         let pauses = between && observer.pauses();

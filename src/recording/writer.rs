@@ -23,9 +23,10 @@ use super::points::Points;
 use super::{colliders, diagnostics};
 use crate::appearance::Appearance;
 use crate::embedded::{BODIES, SCENE};
-use crate::excerpt::{Excerpt, select, union};
+use crate::excerpt::{select, union};
 use crate::provenance;
 use gridfall_core::sim::diagnostics::{Row, SolverRow};
+use gridfall_core::sim::excerpt::Excerpt;
 use gridfall_core::sim::setup::Setup;
 use gridfall_engine::Backend;
 

@@ -88,7 +88,7 @@ pub const RECORDING: &[Layer] = &[
     ("appearance", &["colliders"]),
     ("palette", &["appearance"]),
     ("channels", &["diagnostics", "colliders"]),
-    ("points", &["excerpt", "colliders", "appearance", "palette"]),
+    ("points", &["colliders", "appearance", "palette"]),
     ("picture", &["excerpt", "colliders", "appearance", "palette"]),
     (
         "writer",
@@ -119,7 +119,7 @@ pub const RECORDING: &[Layer] = &[
     ("recovery", &["files", "index"]),
     ("growing", &["files", "index"]),
     ("checkpoint", &["provenance", "files"]),
-    ("run", &["files", "excerpt", "appearance", "picture", "writer", "checkpoint", "state"]),
+    ("run", &["files", "appearance", "picture", "writer", "checkpoint", "state"]),
 ];
 
 pub const SERVICE: &[Layer] = &[("store", &[]), ("jobs", &["store"]), ("http", &["store", "jobs"])];

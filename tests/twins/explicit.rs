@@ -32,7 +32,7 @@ pub const SOILS: [&str; 3] = [
         "xi": 3, "alpha0": -0.01 }"#,
     r#"{ "model": "snow", "density": 400, "youngs_modulus": 1e4, "poissons_ratio": 0.2 }"#,
 ];
-const GRAINS: [&str; 3] = [
+pub const GRAINS: [&str; 3] = [
     r#"{ "model": "mohr-coulomb", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3,
         "friction_angle_degrees": 30, "cohesion": 200, "dilatancy_angle_degrees": 10 }"#,
     r#"{ "model": "drucker-prager", "density": 1500, "youngs_modulus": 2e4, "poissons_ratio": 0.3,
@@ -42,8 +42,8 @@ const GRAINS: [&str; 3] = [
 ];
 /// A fluid beside grains and a solid.
 pub const MIXED: [&str; 3] = [GRAINS[1], ELASTIC[2], ELASTIC[0]];
-const WATER: [&str; 3] = [ELASTIC[2]; 3];
-const SAND: [&str; 3] = [GRAINS[0]; 3];
+pub const WATER: [&str; 3] = [ELASTIC[2]; 3];
+pub const SAND: [&str; 3] = [GRAINS[0]; 3];
 pub const METALS: [&str; 3] = [
     r#"{ "model": "von-mises", "density": 1000, "youngs_modulus": 1e4, "poissons_ratio": 0.3, "yield_stress": 500,
         "damping": 0.005 }"#,

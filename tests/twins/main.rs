@@ -21,3 +21,4 @@ mod memory;
 mod resumed;
 mod shapes;
 mod sides;
+mod views;

@@ -41,6 +41,11 @@ impl<'a> Inlets<'a> {
         }
     }
 
+    /// Whether a source is to emit at the start of `frame`.
+    pub fn awaited(&self, frame: u32) -> bool {
+        self.setup.sources.iter().any(|source| source.by_frame.get(frame as usize).is_some_and(|&count| count > 0))
+    }
+
     /// The first source that is to emit at the start of `frame` into an inlet that is full, and its rest volume over
     /// its room.
     pub fn full(&self, frame: u32) -> Option<(usize, f64)> {

@@ -6,6 +6,7 @@ pub mod contact;
 pub mod cost;
 pub mod diagnostics;
 pub mod divergence;
+pub mod excerpt;
 #[cfg(test)]
 mod fixture;
 pub mod inlet;

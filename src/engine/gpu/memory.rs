@@ -144,6 +144,11 @@ impl Memory {
     pub fn read<T: Pod>(&self, gpu: &Gpu, name: &str, count: usize) -> Result<Vec<T>, EngineError> {
         gpu.read(self.get(name), count)
     }
+
+    /// `count` elements from `first` on.
+    pub fn read_from<T: Pod>(&self, gpu: &Gpu, name: &str, first: usize, count: usize) -> Result<Vec<T>, EngineError> {
+        gpu.read_from(self.get(name), first, count)
+    }
 }
 
 impl Size {
@@ -161,22 +166,45 @@ impl Size {
     }
 }
 
+/// A part of a buffer on its way to the host.
+pub struct Arriving {
+    staging: Buffer,
+    submission: wgpu::SubmissionIndex,
+}
+
+impl Arriving {
+    /// Waits for its bytes, on whatever thread. They may be less aligned than what they are made of.
+    pub fn arrive<R>(self, gpu: &Gpu, take: impl FnOnce(&[u8]) -> R) -> Result<R, EngineError> {
+        gpu.wait(Some(self.submission))?;
+        let view = self.staging.get_mapped_range(..).map_err(|e| EngineError::DeviceLost(format!("{e:?}")))?;
+        Ok(take(&view))
+    }
+}
+
 impl Gpu {
-    /// A buffer's first `count` elements.
-    pub fn read<T: Pod>(&self, buffer: &Buffer, count: usize) -> Result<Vec<T>, EngineError> {
-        let bytes = (count * size_of::<T>()) as u64;
+    /// Asks for `count` bytes of a buffer from byte `first` on, as they are after all that was submitted.
+    pub fn request(&self, buffer: &Buffer, first: u64, count: u64) -> Arriving {
         let staging = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("readback"),
-            size: bytes,
+            size: count,
             usage: Usage::MAP_READ | Usage::COPY_DST,
             mapped_at_creation: false,
         });
-        let submission = self.submit(|encoder| encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes));
+        let submission = self.submit(|encoder| encoder.copy_buffer_to_buffer(buffer, first, &staging, 0, count));
         staging.map_async(wgpu::MapMode::Read, .., |_| {});
-        self.wait(Some(submission))?;
-        let view = staging.get_mapped_range(..).map_err(|e| EngineError::DeviceLost(format!("{e:?}")))?;
-        // The mapping may be less aligned than T.
-        Ok(view.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect())
+        Arriving { staging, submission }
+    }
+
+    /// A buffer's first `count` elements.
+    pub fn read<T: Pod>(&self, buffer: &Buffer, count: usize) -> Result<Vec<T>, EngineError> {
+        self.read_from(buffer, 0, count)
+    }
+
+    /// `count` elements of a buffer from element `first` on.
+    pub fn read_from<T: Pod>(&self, buffer: &Buffer, first: usize, count: usize) -> Result<Vec<T>, EngineError> {
+        let bytes = |elements: usize| (elements * size_of::<T>()) as u64;
+        let values = |bytes: &[u8]| bytes.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect();
+        self.request(buffer, bytes(first), bytes(count)).arrive(self, values)
     }
 }
 

@@ -14,8 +14,9 @@ mod view;
 
 use rayon::prelude::*;
 
-use super::excerpt::{Excerpt, hash, select};
+use super::excerpt::{hash, select};
 use super::palette::{Palette, Rgb, to_srgb};
+use gridfall_core::sim::excerpt::Excerpt;
 use gridfall_core::sim::setup::{Material, Setup};
 
 use crate::appearance::{Appearance, V3, local};

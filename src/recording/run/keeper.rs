@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 
 use super::{Earlier, Frame, FrameReport, Observer, Outputs, RunError, Subject, Summary};
 use crate::checkpoint::{self, Draft, Reached};
-use crate::excerpt::Excerpt;
 use crate::files::{RecordingError, partial_path, sync, write_file};
 use crate::picture::thumbnail;
 use crate::writer::{Header, Severity, Writer};
 use gridfall_core::sim::diagnostics::{Row, SolverRow};
+use gridfall_core::sim::excerpt::{Choice, Excerpt};
 use gridfall_core::sim::setup::Setup;
-use gridfall_engine::{Backend, EngineError, Solve};
+use gridfall_engine::{Backend, EngineError, Solve, View};
 
 /// A CSV that grows by whole lines.
 struct Table {
@@ -129,37 +129,40 @@ impl<'a> Keeper<'a> {
         self.summary
     }
 
-    /// Indices of the particles whose excerpts [`Self::keep`] takes, ascending.
-    pub fn wanted(&self) -> Vec<u32> {
-        self.writer.wanted().to_vec()
+    /// The particles whose excerpts [`Self::keep`] takes.
+    pub fn wanted(&self) -> Choice {
+        let deformation = self.subject.setup.fields.iter().any(|field| field.of_deformation());
+        Choice { ids: self.writer.wanted().into(), deformation }
     }
 
-    /// Makes these particles those of the picture, unless a frame follows.
-    pub fn show(&mut self, particles: Excerpt) {
-        self.last = Some(particles);
+    /// Makes the particles of this view those of the picture, unless a frame follows.
+    pub fn show(&mut self, view: View) {
+        self.last = view.excerpts.into_iter().last();
     }
 
     /// Records a frame.
     pub fn keep(&mut self, frame: Frame, observer: &dyn Observer) -> Result<(), RunError> {
         self.last = None;
-        let Frame { row, solves, excerpt, still, draft } = frame;
+        let Frame { number, stats, view, draft } = frame;
         let setup = self.subject.setup;
+        let view = view.arrive()?;
+        let row = view.totals.row(setup, number, number as f64 * setup.frame_s, &stats);
         if row.isolated_reset > 0 {
             let message = format!("{} particles were alone on their nodes and were reset", row.isolated_reset);
             self.writer.log(Severity::Warning, message);
         }
-        if let Some(message) = unconverged(&solves, setup.implicit.tolerance()) {
+        if let Some(message) = unconverged(&stats.solves, setup.implicit.tolerance()) {
             self.writer.log(Severity::Warning, message);
         }
-        let steps = SolverRow::of_frame(row.frame, self.summary.steps, &solves);
-        self.writer.frame(setup, &excerpt, &row, &steps)?;
+        let steps = SolverRow::of_frame(row.frame, self.summary.steps, &stats.solves);
+        self.writer.frame(setup, &view.excerpts[0], &row, &steps)?;
         if let Some(table) = &mut self.csv {
             table.line(&row.csv())?;
         }
         if let Some(table) = &mut self.solver {
             steps.iter().try_for_each(|step| table.line(&step.csv()))?;
         }
-        self.last = still.or(Some(excerpt));
+        self.show(view);
         let steps = self.summary.steps + row.steps;
         self.summary = Summary { frames_written: row.frame + 1, steps, time_s: row.time_s };
         observer.frame(&FrameReport {

@@ -12,11 +12,13 @@ use super::segment::Course;
 use super::stages::{Placed, Stages};
 use super::table;
 use super::upload::{DeviceLayout, grid_offsets};
-use crate::contract::{Backend, Control, Engine, EngineError, FrameStats, StateError};
+use super::view::Viewer;
+use crate::contract::{Backend, Control, Engine, EngineError, FrameStats, Pending, StateError};
 use crate::gpu::memory::Memory;
 use crate::gpu::program::{Dispatch, Programs, Tools};
 use crate::gpu::{Fills, Gpu, Variant};
 use gridfall_core::sim::divergence;
+use gridfall_core::sim::excerpt::Choice;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::{self, Reaction};
 use gridfall_core::sim::setup::Setup;
@@ -53,6 +55,10 @@ pub struct GpuEngine {
     pub(super) mass_range: f64,
     pub(super) momentum_range: f64,
     pub(super) chunk: usize,
+    /// Particles on the device, by body.
+    pub(super) population: Vec<u64>,
+    /// Made when first asked for.
+    pub(super) viewer: Option<Viewer>,
 }
 
 impl GpuEngine {
@@ -61,31 +67,27 @@ impl GpuEngine {
     /// Errors: unsupported scenes, capacity, a lost device.
     pub fn new(gpu: Arc<Gpu>, setup: &Setup, mut particles: Particles, reason: &str) -> Result<Self, EngineError> {
         super::supports(setup).map_err(EngineError::Unsupported)?;
-        let mut layout = DeviceLayout::new(setup);
+        let layout = DeviceLayout::new(setup);
         let extremes = timestep::initial_extremes(setup, &particles);
         touch::begin(setup, &mut particles, 0.0);
-        let state = layout.state(&particles, &Plates::of(setup, 0.0))?;
         let scene = SceneData::new(setup);
         let counts = Counts {
             particles: setup.total_particles(),
             // Room to spread before the first growth.
-            capacity: layout.active_blocks(&state.position) * 5 / 4 + 64,
+            capacity: layout.active_blocks(&particles, &Plates::of(setup, 0.0))? * 5 / 4 + 64,
             grids: grid_offsets(setup.kernel).len(),
             channels: layout.channels,
             touches: touch::acts(setup),
             scene: scene.sizes(),
         };
-        let mut buffers = Buffers::new(&gpu, counts)?;
-        buffers.put_states(&gpu, &state, &particles.body);
-        layout.body_of = particles.body;
+        let buffers = Buffers::new(&gpu, counts)?;
         scene.write(&gpu, &buffers.memory);
         let programs = Programs::new(Variant::of(setup));
         let stages = Stages::new(Tools { gpu: &gpu, programs: &programs }, &buffers.memory, setup);
         let backend = gpu.backend(reason);
         let params = layout.params(setup);
         let max_speed = extremes.speed_m_s + 3.0f64.sqrt() * setup.dx * extremes.affine_rate_1_s;
-        gpu.check()?;
-        Ok(Self {
+        let mut engine = Self {
             gpu,
             programs,
             setup: setup.clone(),
@@ -101,8 +103,12 @@ impl GpuEngine {
             isolated: 0,
             mass_range: 1.0,
             momentum_range: 1.0,
-            chunk: 4,
-        })
+            chunk: 1,
+            population: vec![0; setup.bodies.len()],
+            viewer: None,
+        };
+        engine.put(&particles)?;
+        Ok(engine)
     }
 
     /// Device memory in use (bytes).
@@ -303,10 +309,7 @@ impl Engine for GpuEngine {
 
     fn append(&mut self, mut particles: Particles) -> Result<(), EngineError> {
         touch::begin(&self.setup, &mut particles, self.time_s);
-        let state = self.layout.state(&particles, &Plates::of(&self.setup, self.time_s))?;
-        self.buffers.put_states(&self.gpu, &state, &particles.body);
-        self.layout.body_of.extend(&particles.body);
-        self.params.live = self.buffers.live as u32;
+        self.put(&particles)?;
         let speed = |v: &[f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
         self.max_speed = particles.v.iter().map(speed).fold(self.max_speed, f64::max);
         self.gpu.check()
@@ -322,5 +325,13 @@ impl Engine for GpuEngine {
 
     fn restore(&mut self, from: &mut dyn Read) -> Result<(), StateError> {
         self.restore_state(from)
+    }
+
+    fn view(&mut self, _setup: &Setup, choices: &[Choice]) -> Result<Pending, EngineError> {
+        self.ask(choices)
+    }
+
+    fn positions(&mut self, _setup: &Setup, take: &mut dyn FnMut(&[[f64; 3]], &[u32])) -> Result<(), EngineError> {
+        readback::positions(&self.gpu, &self.buffers, &self.layout, take)
     }
 }

@@ -3,8 +3,8 @@
 //! `layout` holds the twins of shader structs, `buffers` says what device memory there is, `scene`
 //! and `upload` turn a scene and its particles into device data, `stages` lists the dispatches of a
 //! frame, `engine` plans frames, `segment` runs equal steps of one and answers for overflow, `failure`
-//! for errors, `readback` brings states home, and `staged` stops between the stages of a step, so that they and
-//! the `bookkeeping` can be looked at.
+//! for errors, `load` and `readback` bring states to the device and home, `view` what is recorded of frames,
+//! and `staged` stops between the stages of a step, so that they and the `bookkeeping` can be looked at.
 
 mod bookkeeping;
 mod buffers;
@@ -17,6 +17,7 @@ mod flowing_tests;
 #[cfg(test)]
 mod law_tests;
 pub mod layout;
+mod load;
 mod readback;
 mod saved;
 pub(crate) mod scene;
@@ -26,6 +27,7 @@ pub mod stages;
 mod table;
 pub mod timing;
 pub(crate) mod upload;
+pub(crate) mod view;
 
 pub use bookkeeping::{Blocks, Bookkeeping};
 pub use engine::GpuEngine;

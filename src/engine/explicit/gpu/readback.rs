@@ -9,6 +9,9 @@ use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::Reaction;
 use gridfall_core::sim::setup::Setup;
 
+/// Particles of a part.
+const PART: usize = 1 << 20;
+
 /// A grid node as the device sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridNode {
@@ -27,6 +30,7 @@ pub struct GridNode {
 /// Full states at the last frame boundary.
 pub fn particles(gpu: &Gpu, b: &Buffers, layout: &DeviceLayout) -> Result<Particles, EngineError> {
     let n = b.counts.particles;
+    let body: Vec<u32> = b.memory.read(gpu, "body_of", b.live)?;
     let position: Vec<[u32; 4]> = b.memory.read(gpu, "frame_position", b.live)?;
     let read = |parts: &[(&str, usize)]| -> Result<Vec<f32>, EngineError> {
         let read: Result<Vec<_>, _> = parts.iter().map(|(name, k)| b.memory.read(gpu, name, k * n)).collect();
@@ -34,12 +38,28 @@ pub fn particles(gpu: &Gpu, b: &Buffers, layout: &DeviceLayout) -> Result<Partic
     };
     let velocity = read(&layout::MOTION)?;
     let deformation = read(&b.counts.deformation())?;
-    let mut particles = layout.particles(&position, &velocity, &deformation, n);
+    let mut particles = layout.particles(body, &position, &velocity, &deformation, n);
     if b.counts.touches {
         let touches: Vec<u32> = b.memory.read(gpu, "touches", TOUCH_CHANNELS * n)?;
         particles.touch = DeviceLayout::touches(&touches, b.live, n);
     }
     Ok(particles)
+}
+
+/// Hands over positions and bodies at the last frame boundary, in parts.
+pub fn positions(
+    gpu: &Gpu,
+    b: &Buffers,
+    layout: &DeviceLayout,
+    take: &mut dyn FnMut(&[[f64; 3]], &[u32]),
+) -> Result<(), EngineError> {
+    for first in (0..b.live).step_by(PART) {
+        let n = PART.min(b.live - first);
+        let position: Vec<[u32; 4]> = b.memory.read_from(gpu, "frame_position", first, n)?;
+        let body: Vec<u32> = b.memory.read_from(gpu, "body_of", first, n)?;
+        take(&position.into_iter().map(|p| layout.scene_position(p)).collect::<Vec<_>>(), &body);
+    }
+    Ok(())
 }
 
 /// What the surfaces took since the sums were cleared: impulses and moments.

@@ -19,10 +19,12 @@ impl GpuEngine {
         let (live, room) = (self.buffers.live, self.buffers.counts.particles);
         put(to, &[self.steps, live as u64])?;
         put(to, &[self.time_s, self.max_speed, self.max_demand, self.mass_range, self.momentum_range])?;
-        put(to, &self.layout.body_of)?;
+        put(to, &self.memory().read::<u32>(&self.gpu, "body_of", live)?)?;
         put(to, &self.memory().read::<[u32; 4]>(&self.gpu, "frame_position", live)?)?;
         for (name, channels) in self.channels() {
-            put(to, &self.memory().read::<u32>(&self.gpu, name, channels * room)?)?;
+            for channel in 0..channels {
+                put(to, &self.memory().read_from::<u32>(&self.gpu, name, channel * room, room)?)?;
+            }
         }
         Ok(())
     }
@@ -32,14 +34,17 @@ impl GpuEngine {
         self.steps = get_one(from)?;
         let live = get_count(from, room, "particles")?;
         [self.time_s, self.max_speed, self.max_demand, self.mass_range, self.momentum_range] = get_one(from)?;
-        self.layout.body_of = get_bodies(from, live, self.setup.bodies.len())?;
-        self.memory().write(&self.gpu, "body_of", 0, &self.layout.body_of);
+        let body_of = get_bodies(from, live, self.setup.bodies.len())?;
+        self.memory().write(&self.gpu, "body_of", 0, &body_of);
         self.memory().write(&self.gpu, "frame_position", 0, &get::<[u32; 4]>(from, live)?);
         for (name, channels) in self.channels() {
-            self.memory().write(&self.gpu, name, 0, &get::<u32>(from, channels * room)?);
+            for channel in 0..channels {
+                self.memory().write(&self.gpu, name, channel * room, &get::<u32>(from, room)?);
+            }
         }
         self.buffers.live = live;
-        self.params.live = live as u32;
+        self.population.fill(0);
+        self.count(&body_of);
         Ok(self.gpu.check()?)
     }
 }

@@ -144,7 +144,7 @@ impl GpuEngine {
     }
 
     /// Submits the passes of a course from `done` on, at most two chunks ahead of the device, and
-    /// nothing is read back.
+    /// nothing is read back. A cancel is heard once these are done.
     fn run_passes(&mut self, done: u64, course: &Course, control: &dyn Control) -> Result<(), EngineError> {
         let (dt_s, total) = (course.dt_s, course.passes());
         let mut in_flight: VecDeque<(wgpu::SubmissionIndex, usize)> = VecDeque::new();
@@ -161,8 +161,9 @@ impl GpuEngine {
             let submission = self.submit((next..next + count as u64).flat_map(|k| self.stages_of(k, total)));
             next += count as u64;
             in_flight.push_back((submission, count));
-            if in_flight.len() > 1 {
-                let (oldest, count) = in_flight.pop_front().expect("two are in flight");
+            // One at a time where a step alone may take so long: nobody knows before the first.
+            while in_flight.len() > usize::from(self.chunk > 1) {
+                let (oldest, count) = in_flight.pop_front().expect("some are in flight");
                 self.gpu.wait(Some(oldest))?;
                 let per_step = finished.elapsed().as_secs_f64() / count as f64;
                 finished = Instant::now();

@@ -1,5 +1,7 @@
 //! Coordinates and particle states as device data.
 
+use std::ops::Range;
+
 use super::layout::{MOST_FIELDS, PAD_BLOCKS, Params, TOUCH_CHANNELS};
 use super::scene::contact_code;
 use crate::contract::EngineError;
@@ -48,6 +50,7 @@ fn contacts(setup: &Setup) -> [[f32; 4]; MOST_FIELDS] {
 }
 
 /// Everything about the device's coordinates and state layout that does not change during a run.
+#[derive(Clone)]
 pub struct DeviceLayout {
     origin: [f64; 3],
     dx: f64,
@@ -55,8 +58,6 @@ pub struct DeviceLayout {
     blocks: [usize; 3],
     pad: [usize; 3],
     periodic: [bool; 3],
-    /// Of the particles that there are.
-    pub body_of: Vec<u32>,
     /// By body: first block of its layer of the table.
     layer: Vec<usize>,
     /// Layers of the table.
@@ -98,7 +99,6 @@ impl DeviceLayout {
             blocks,
             pad: pad.map(|p| 4 * p),
             periodic,
-            body_of: Vec::new(),
             channels: match (fluid.iter().all(|&f| f), plastic.contains(&true)) {
                 (true, _) => 1,
                 (false, false) => 9,
@@ -119,9 +119,16 @@ impl DeviceLayout {
     }
 
     /// Blocks that hold particles, or lie beside one that does: what the first activation will ask
-    /// for.
-    pub fn active_blocks(&self, position: &[[u32; 4]]) -> usize {
-        let mut occupied: Vec<u32> = position.iter().map(|p| p[3]).collect();
+    /// for. Errors as those of [`Self::state`].
+    pub fn active_blocks(&self, particles: &Particles, plates: &Plates) -> Result<usize, EngineError> {
+        let mut occupied: Vec<u32> = Vec::new();
+        for id in 0..particles.len() {
+            let block = self.place(particles, id, plates)?[3];
+            // Neighbours in the list are neighbours in space.
+            if occupied.last() != Some(&block) {
+                occupied.push(block);
+            }
+        }
         occupied.sort_unstable();
         occupied.dedup();
         let n = self.blocks.map(|b| b as i64);
@@ -139,53 +146,61 @@ impl DeviceLayout {
         let mut all: Vec<u32> = occupied.into_iter().flat_map(beside).collect();
         all.sort_unstable();
         all.dedup();
-        all.len()
+        Ok(all.len())
     }
 
-    /// States by id; plates tell the layers of particles near them. Errors: [`EngineError::LeftDomain`] for a particle
-    /// outside all blocks.
-    pub fn state(&self, particles: &Particles, plates: &Plates) -> Result<DeviceState, EngineError> {
-        let (n, known) = (particles.len(), particles.touch.len());
+    /// States of some particles by id; plates tell the layers of those near them. Errors:
+    /// [`EngineError::LeftDomain`] for a particle outside all blocks.
+    pub fn state(&self, all: &Particles, some: Range<usize>, plates: &Plates) -> Result<DeviceState, EngineError> {
+        let within = |id: usize| id.min(all.touch.len());
+        let touches = &all.touch[within(some.start)..within(some.end)];
+        let (n, known) = (some.len(), touches.len());
         let mut state = DeviceState {
             position: Vec::with_capacity(n),
             velocity: vec![0.0; 12 * n],
             deformation: vec![0.0; self.channels * n],
             touches: vec![0; TOUCH_CHANNELS * known],
         };
-        for (id, touch) in particles.touch.iter().enumerate() {
+        for (id, touch) in touches.iter().enumerate() {
             state.touches[id] = touch.with;
             for (k, value) in (1..).zip([touch.radius].iter().chain(&touch.stretch)) {
                 state.touches[k * known + id] = (*value as f32).to_bits();
             }
         }
-        for id in 0..n {
-            let side = plates.layer(particles.x[id]) as usize * self.layer_len();
-            let layer = self.layer[particles.body[id] as usize] + side;
-            state.position.push(self.position(particles.x[id], layer).ok_or_else(|| EngineError::LeftDomain {
-                step: 0,
-                time_s: 0.0,
-                what: format!("particle {id} starts at {:?}", particles.x[id]),
-            })?);
+        for (at, id) in some.enumerate() {
+            state.position.push(self.place(all, id, plates)?);
             for k in 0..3 {
-                state.velocity[k * n + id] = particles.v[id][k] as f32;
+                state.velocity[k * n + at] = all.v[id][k] as f32;
                 for column in 0..3 {
                     // Device distances are in cells.
-                    state.velocity[(3 + 3 * column + k) * n + id] = (particles.b[id][3 * k + column] / self.dx) as f32;
+                    state.velocity[(3 + 3 * column + k) * n + at] = (all.b[id][3 * k + column] / self.dx) as f32;
                 }
             }
-            if self.plastic[particles.body[id] as usize] {
-                state.deformation[9 * n + id] = particles.plastic[id] as f32;
+            if self.plastic[all.body[id] as usize] {
+                state.deformation[9 * n + at] = all.plastic[id] as f32;
             }
-            let f = &particles.f[id];
-            if self.fluid[particles.body[id] as usize] {
-                state.deformation[id] = det(&from_row_major::<f64, 3>(f)) as f32;
+            let f = &all.f[id];
+            if self.fluid[all.body[id] as usize] {
+                state.deformation[at] = det(&from_row_major::<f64, 3>(f)) as f32;
             } else {
                 for (row, column) in (0..3).flat_map(|r| (0..3).map(move |c| (r, c))) {
-                    state.deformation[(3 * column + row) * n + id] = f[3 * row + column] as f32;
+                    state.deformation[(3 * column + row) * n + at] = f[3 * row + column] as f32;
                 }
             }
         }
         Ok(state)
+    }
+
+    /// Offset in the block (f32 bits) and block of a particle.
+    fn place(&self, particles: &Particles, id: usize, plates: &Plates) -> Result<[u32; 4], EngineError> {
+        let x = particles.x[id];
+        let side = plates.layer(x) as usize * self.layer_len();
+        let layer = self.layer[particles.body[id] as usize] + side;
+        self.position(x, layer).ok_or_else(|| EngineError::LeftDomain {
+            step: 0,
+            time_s: 0.0,
+            what: format!("particle {id} starts at {x:?}"),
+        })
     }
 
     fn position(&self, x: [f64; 3], layer: usize) -> Option<[u32; 4]> {
@@ -225,35 +240,52 @@ impl DeviceLayout {
 
     /// Device states as particles in scene coordinates.
     /// `n`: the stride of channels.
-    pub fn particles(&self, position: &[[u32; 4]], velocity: &[f32], deformation: &[f32], n: usize) -> Particles {
-        let mut out = Particles { body: self.body_of.clone(), ..Particles::default() };
-        for id in 0..position.len() {
-            let p = position[id];
-            let block = p[3] as usize;
-            let at = [
-                block % self.blocks[0],
-                (block / self.blocks[0]) % self.blocks[1],
-                (block / (self.blocks[0] * self.blocks[1])) % self.blocks[2],
-            ];
-            out.x.push(std::array::from_fn(|a| {
-                let mut cells = 4.0 * at[a] as f64 + f64::from(f32::from_bits(p[a])) + self.shift - self.pad[a] as f64;
-                if self.periodic[a] {
-                    cells = cells.rem_euclid(4.0 * self.blocks[a] as f64);
-                }
-                self.origin[a] + cells * self.dx
-            }));
+    pub fn particles(
+        &self,
+        body: Vec<u32>,
+        position: &[[u32; 4]],
+        velocity: &[f32],
+        deformation: &[f32],
+        n: usize,
+    ) -> Particles {
+        let mut out = Particles::default();
+        for (id, &body) in body.iter().enumerate() {
+            out.x.push(self.scene_position(position[id]));
             out.v.push(std::array::from_fn(|k| f64::from(velocity[k * n + id])));
             out.b.push(std::array::from_fn(|i| f64::from(velocity[(3 + 3 * (i % 3) + i / 3) * n + id]) * self.dx));
-            let plastic = self.plastic[self.body_of[id] as usize];
-            out.plastic.push(if plastic { f64::from(deformation[9 * n + id]) } else { 0.0 });
-            out.f.push(if self.fluid[self.body_of[id] as usize] {
-                let s = f64::from(deformation[id]).cbrt();
-                [s, 0.0, 0.0, 0.0, s, 0.0, 0.0, 0.0, s]
-            } else {
-                std::array::from_fn(|i| f64::from(deformation[(3 * (i % 3) + i / 3) * n + id]))
-            });
+            let (f, plastic) = self.scene_deformation(body, |k| deformation[k * n + id]);
+            out.f.push(f);
+            out.plastic.push(plastic);
         }
+        out.body = body;
         out
+    }
+
+    /// A position in scene coordinates (m).
+    pub fn scene_position(&self, p: [u32; 4]) -> [f64; 3] {
+        let block = p[3] as usize;
+        let at = [
+            block % self.blocks[0],
+            (block / self.blocks[0]) % self.blocks[1],
+            (block / (self.blocks[0] * self.blocks[1])) % self.blocks[2],
+        ];
+        std::array::from_fn(|a| {
+            let mut cells = 4.0 * at[a] as f64 + f64::from(f32::from_bits(p[a])) + self.shift - self.pad[a] as f64;
+            if self.periodic[a] {
+                cells = cells.rem_euclid(4.0 * self.blocks[a] as f64);
+            }
+            self.origin[a] + cells * self.dx
+        })
+    }
+
+    /// F and the plastic state of a particle of a body, from its channels.
+    pub fn scene_deformation(&self, body: u32, channel: impl Fn(usize) -> f32) -> ([f64; 9], f64) {
+        let plastic = if self.plastic[body as usize] { f64::from(channel(9)) } else { 0.0 };
+        if self.fluid[body as usize] {
+            let s = f64::from(channel(0)).cbrt();
+            return ([s, 0.0, 0.0, 0.0, s, 0.0, 0.0, 0.0, s], plastic);
+        }
+        (std::array::from_fn(|i| f64::from(channel(3 * (i % 3) + i / 3))), plastic)
     }
 
     /// Where sticky walls stop particles on the way down and up an axis, and where they have left the domain: in
@@ -275,7 +307,6 @@ impl DeviceLayout {
         Params {
             blocks: self.blocks.map(|b| b as u32),
             particles: setup.total_particles() as u32,
-            live: self.body_of.len() as u32,
             cells: setup.cells.map(|c| c as f32),
             dx: setup.dx as f32,
             gravity: setup.gravity.map(|g| g as f32),

@@ -13,12 +13,12 @@ use gridfall_core::sim::touch::Touch;
 impl DeviceStep {
     /// Particles that there are.
     pub fn live(&self) -> usize {
-        self.layout.body_of.len()
+        self.body_of.len()
     }
 
     /// Puts particles behind those that there are, for which there must be room.
     pub fn append(&mut self, particles: &Particles) -> Result<(), EngineError> {
-        let state = self.layout.state(particles, &Plates::of(&self.setup, 0.0))?;
+        let state = self.layout.state(particles, 0..particles.len(), &Plates::of(&self.setup, 0.0))?;
         let (first, n, room) = (self.live(), particles.len(), self.buffers.counts.particles);
         let memory = &self.buffers.memory;
         let tags: Vec<[u32; 2]> = (first as u32..).zip(&particles.body).map(|(id, &body)| [id, body]).collect();
@@ -29,7 +29,7 @@ impl DeviceStep {
         for (k, channel) in channels.into_iter().flatten().enumerate() {
             memory.write(&self.gpu, "state_in", k * room + first, channel);
         }
-        self.layout.body_of.extend(&particles.body);
+        self.body_of.extend(&particles.body);
         self.contact.total += particles.body.iter().map(|&b| self.setup.bodies[b as usize].mass).sum::<f64>();
         self.buffers.live = self.live();
         self.params.particles = self.live() as u32;
@@ -56,7 +56,7 @@ impl DeviceStep {
             }
         }
         let (velocity, deformation) = by_id.split_at(12 * n);
-        let mut particles = self.layout.particles(&position, velocity, deformation, n);
+        let mut particles = self.layout.particles(self.body_of.clone(), &position, velocity, deformation, n);
         if self.buffers.counts.touches {
             particles.touch = remembered(&by_id[self.params.touch as usize * n..], n);
         }
@@ -77,7 +77,7 @@ impl DeviceStep {
         put_time(to, self.contact.met_s)?;
         put(to, &[self.contact.total])?;
         put(to, &[n as u64])?;
-        put(to, &self.layout.body_of)?;
+        put(to, &self.body_of)?;
         put(to, &memory.read::<[u32; 4]>(&self.gpu, "position_in", n)?)?;
         put(to, &memory.read::<[u32; 2]>(&self.gpu, "tag_in", n)?)?;
         Ok(put(to, &memory.read::<f32>(&self.gpu, "state_in", channels * room)?)?)
@@ -89,7 +89,7 @@ impl DeviceStep {
         self.contact.met_s = get_time(from)?;
         self.contact.total = get_one(from)?;
         let n = get_count(from, room, "particles")?;
-        self.layout.body_of = get_bodies(from, n, self.setup.bodies.len())?;
+        self.body_of = get_bodies(from, n, self.setup.bodies.len())?;
         let memory = &self.buffers.memory;
         memory.write(&self.gpu, "position_in", 0, &get::<[u32; 4]>(from, n)?);
         memory.write(&self.gpu, "tag_in", 0, &get::<[u32; 2]>(from, n)?);

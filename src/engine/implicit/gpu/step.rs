@@ -39,6 +39,8 @@ pub struct DeviceStep {
     pub(super) params: Params,
     pub(super) setup: Setup,
     pub(super) layout: DeviceLayout,
+    /// Of the particles that there are.
+    pub(super) body_of: Vec<u32>,
     /// Whether a separating surface constrains any node.
     separating: bool,
     /// Whether any material flows within the step.
@@ -50,7 +52,7 @@ impl DeviceStep {
     /// Loads a problem. Errors: capacity, a particle outside the domain, a lost device.
     pub fn new(gpu: Arc<Gpu>, setup: &Setup, particles: &Particles) -> Result<Self, EngineError> {
         let layout = DeviceLayout::new(setup);
-        let state = layout.state(particles, &Plates::of(setup, 0.0))?;
+        let active = layout.active_blocks(particles, &Plates::of(setup, 0.0))?;
         let scene = SceneData::new(setup);
         let touches = touch::acts(setup);
         let first_touch = if touches { 12 + layout.channels } else { 0 };
@@ -59,7 +61,7 @@ impl DeviceStep {
             particles: setup.total_particles(),
             channels: 12 + layout.channels + if touches { TOUCH_CHANNELS } else { 0 },
             table: layout.table_len(),
-            capacity: layout.active_blocks(&state.position) + 16,
+            capacity: active + 16,
             bodies: setup.bodies.len(),
             touches,
             links: 0,
@@ -95,7 +97,9 @@ impl DeviceStep {
         let buffers = Buffers { counts, memory, system, live: 0, blocks: 0, links: 0 };
         let (setup, contact) = (setup.clone(), Contact::default());
         let separating = false;
-        let mut stepper = Self { gpu, programs, stages, buffers, params, setup, layout, separating, flows, contact };
+        let body_of = Vec::new();
+        let mut stepper =
+            Self { gpu, programs, stages, buffers, params, setup, layout, body_of, separating, flows, contact };
         stepper.append(particles)?;
         Ok(stepper)
     }
