@@ -129,6 +129,9 @@ impl Pending {
     }
 }
 
+/// Takes positions (m) and bodies of some particles.
+pub type TakePlaces<'a> = dyn FnMut(&[[f64; 3]], &[u32]) + 'a;
+
 /// Number of parts in which a frame's particles leave an engine.
 const PARTS: usize = 16;
 
@@ -184,7 +187,7 @@ pub trait Engine {
     }
 
     /// Hands over positions (m) and bodies at the last frame boundary, in parts and in sampling order.
-    fn positions(&mut self, setup: &Setup, take: &mut dyn FnMut(&[[f64; 3]], &[u32])) -> Result<(), EngineError> {
+    fn positions(&mut self, setup: &Setup, take: &mut TakePlaces) -> Result<(), EngineError> {
         self.visit(part(setup), &mut |_, particles| take(&particles.x, &particles.body))
     }
 }

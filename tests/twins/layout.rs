@@ -132,6 +132,10 @@ fn shared_constants_agree() {
     assert_eq!(number(&m, "DENSEST"), volume::DENSEST as f32);
     assert_eq!(number(&m, "FULLEST"), volume::FULLEST as f32);
     assert_eq!(number(&m, "GRADUAL"), volume::GRADUAL as f32);
+    let m = parse("explicit/measure");
+    assert_eq!(constant(&m, "PART"), layout::PART as u32);
+    assert_eq!(constant(&m, "RECORD"), layout::RECORD as u32);
+    assert_eq!(constant(&parse("explicit/select"), "PLAIN"), layout::PLAIN as u32);
     let m = parse("explicit/touch");
     for (name, rust) in [
         ("STANDOFF", touch::STANDOFF),

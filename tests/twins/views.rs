@@ -249,7 +249,7 @@ fn sources_add_to_views() {
     for frame in 0..4 {
         let n = engine.snapshot().unwrap().len();
         assert!(n < setup.total_particles());
-        are_those(&mut engine, &problem, &[choice.clone()], |states, engine| {
+        are_those(&mut engine, &problem, std::slice::from_ref(&choice), |states, engine| {
             let row = measured(engine, setup);
             let differences = differences(setup, &row, &exact(setup, states), &scales(setup, states));
             assert!(agrees(differences), "{differences:?}");

@@ -13,7 +13,7 @@ use super::stages::{Placed, Stages};
 use super::table;
 use super::upload::{DeviceLayout, grid_offsets};
 use super::view::Viewer;
-use crate::contract::{Backend, Control, Engine, EngineError, FrameStats, Pending, StateError};
+use crate::contract::{Backend, Control, Engine, EngineError, FrameStats, Pending, StateError, TakePlaces};
 use crate::gpu::memory::Memory;
 use crate::gpu::program::{Dispatch, Programs, Tools};
 use crate::gpu::{Fills, Gpu, Variant};
@@ -331,7 +331,7 @@ impl Engine for GpuEngine {
         self.ask(choices)
     }
 
-    fn positions(&mut self, _setup: &Setup, take: &mut dyn FnMut(&[[f64; 3]], &[u32])) -> Result<(), EngineError> {
+    fn positions(&mut self, _setup: &Setup, take: &mut TakePlaces) -> Result<(), EngineError> {
         readback::positions(&self.gpu, &self.buffers, &self.layout, take)
     }
 }

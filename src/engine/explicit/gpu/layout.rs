@@ -34,6 +34,12 @@ pub fn deformation_parts(channels: usize) -> [usize; 2] {
     let first = channels.min(PART_CHANNELS);
     [first, channels - first]
 }
+/// Particles whose sums `measure` makes one record of, and the pairs of numbers in it (`PART` and `RECORD` in the
+/// shader).
+pub const PART: usize = 2048;
+pub const RECORD: usize = 11;
+/// Numbers of a particle that `select` copies before those of its deformation (`PLAIN` in the shader).
+pub const PLAIN: usize = 8;
 
 /// Particles whose states inside a frame lie together, channel by channel (`wgsl/explicit/state_io.wgsl`).
 pub const STATE_GROUP: usize = 32;

@@ -3,7 +3,7 @@
 use super::buffers::Buffers;
 use super::layout::{self, BLOCK_NODES, NODE_CHANNELS, Params, REACTION_UNITS, REPLICAS, Report, TOUCH_CHANNELS};
 use super::upload::{DeviceLayout, grid_offsets};
-use crate::contract::EngineError;
+use crate::contract::{EngineError, TakePlaces};
 use crate::gpu::Gpu;
 use gridfall_core::sim::particles::Particles;
 use gridfall_core::sim::reaction::Reaction;
@@ -47,12 +47,7 @@ pub fn particles(gpu: &Gpu, b: &Buffers, layout: &DeviceLayout) -> Result<Partic
 }
 
 /// Hands over positions and bodies at the last frame boundary, in parts.
-pub fn positions(
-    gpu: &Gpu,
-    b: &Buffers,
-    layout: &DeviceLayout,
-    take: &mut dyn FnMut(&[[f64; 3]], &[u32]),
-) -> Result<(), EngineError> {
+pub fn positions(gpu: &Gpu, b: &Buffers, layout: &DeviceLayout, take: &mut TakePlaces) -> Result<(), EngineError> {
     for first in (0..b.live).step_by(PART) {
         let n = PART.min(b.live - first);
         let position: Vec<[u32; 4]> = b.memory.read_from(gpu, "frame_position", first, n)?;

@@ -5,6 +5,7 @@
 use std::sync::Arc;
 
 use super::engine::GpuEngine;
+use super::layout::{PART, PLAIN, RECORD};
 use super::upload::DeviceLayout;
 use crate::contract::{EngineError, Pending, View};
 use crate::gpu::Gpu;
@@ -15,12 +16,6 @@ use gridfall_core::sim::excerpt::{Choice, Excerpt};
 
 /// Programs that look at full states.
 pub const PROGRAMS: [&str; 2] = ["explicit/measure", "explicit/select"];
-
-/// Particles whose sums `measure` makes one record of (`PART` in the shader), and the pairs of numbers in it.
-const PART: usize = 2048;
-const RECORD: usize = 11;
-/// Numbers of a particle that `select` copies before those of its deformation (`PLAIN` in the shader).
-const PLAIN: usize = 8;
 
 /// Buffers and dispatches for views.
 pub struct Viewer {
