@@ -34,6 +34,7 @@ pub fn deformation_parts(channels: usize) -> [usize; 2] {
     let first = channels.min(PART_CHANNELS);
     [first, channels - first]
 }
+
 /// Particles whose sums `measure` makes one record of, and the pairs of numbers in it (`PART` and `RECORD` in the
 /// shader).
 pub const PART: usize = 2048;
