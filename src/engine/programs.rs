@@ -19,8 +19,7 @@ pub fn programs() -> Result<Vec<Shader>, String> {
         }
         Ok(())
     };
-    let explicit = [&explicit::stages::programs()[..], &explicit::view::PROGRAMS].concat();
-    add(explicit, Variant::samples().collect())?;
+    add(explicit::programs(), Variant::samples().collect())?;
     let implicit = [implicit::stages::programs(), implicit::linear::stages::programs()].concat();
     add(implicit, Variant::coarse_ones().collect())?;
     Ok(all)

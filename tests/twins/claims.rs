@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use gridfall_engine::explicit::gpu::stages as explicit;
+use gridfall_engine::explicit::gpu as explicit;
 use gridfall_engine::implicit::gpu::linear::stages as linear;
 use gridfall_engine::implicit::gpu::stages as implicit;
 

@@ -27,7 +27,7 @@ pub mod stages;
 mod table;
 pub mod timing;
 pub(crate) mod upload;
-pub(crate) mod view;
+mod view;
 
 pub use bookkeeping::{Blocks, Bookkeeping};
 pub use engine::GpuEngine;
@@ -35,6 +35,16 @@ pub use readback::GridNode;
 pub use staged::Staged;
 
 use gridfall_core::sim::setup::{Kernel, Precision, Setup, Transfer};
+
+/// Names of all programs.
+pub fn programs() -> Vec<&'static str> {
+    [stages::FRAME_START, stages::STEP, stages::FRAME_END]
+        .concat()
+        .into_iter()
+        .map(|(name, _)| name)
+        .chain(view::PROGRAMS)
+        .collect()
+}
 
 /// Whether the GPU engine can run a problem at all; the reason if not.
 pub fn supports(setup: &Setup) -> Result<(), String> {

@@ -69,11 +69,6 @@ pub const FRAME_END: &[Stage] = &[
     ("explicit/g2p", Device(Groups::Work)),
 ];
 
-/// Names of all programs.
-pub fn programs() -> Vec<&'static str> {
-    [FRAME_START, STEP, FRAME_END].concat().into_iter().map(|(name, _)| name).collect()
-}
-
 /// The lists with a simulation's buffers.
 pub struct Stages {
     /// Fills side 0.
