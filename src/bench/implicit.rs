@@ -4,8 +4,8 @@
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
-use serde_json::json;
 
+use super::spelled;
 use gridfall_core::sim::setup::{Kernel, Method, Problem, Setup};
 use gridfall_engine::{Control, Engine, EngineError};
 use gridfall_recording::run;
@@ -47,11 +47,6 @@ pub fn labels() -> Vec<String> {
         .chain([PUBLISHED.to_owned()])
         .chain(methods.into_iter().filter(|name| name != REFERENCE))
         .collect()
-}
-
-/// The spelling of a value in scenes.
-fn spelled(value: &impl Serialize) -> String {
-    json!(value).as_str().unwrap_or_default().to_owned()
 }
 
 /// One run of a scene by a method.

@@ -5,9 +5,10 @@ use std::time::Duration;
 use clap::Args;
 
 use super::CliError;
-use super::bench::{name, named};
+use super::bench::named;
 use super::device::DeviceArguments;
 use crate::bench::implicit::{Case, REFERENCE, Row, SCENES, labels};
+use crate::bench::spelled;
 use gridfall_core::sim::setup::{Kernel, Problem};
 use gridfall_engine::choice::Devices;
 
@@ -116,7 +117,7 @@ fn line(row: &Row, before: &[Row]) -> String {
         row.scene,
         row.variant,
         row.method,
-        name(&row.kernel),
+        spelled(&row.kernel),
         row.steps,
         row.time_s,
         row.frame_time_s.iter().fold(0.0f64, |most, &s| most.max(s)),

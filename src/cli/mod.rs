@@ -3,6 +3,7 @@
 mod adapters;
 mod bench;
 mod bench_implicit;
+mod bench_table;
 mod check;
 mod demo;
 mod device;

@@ -1,6 +1,7 @@
 //! Scenes: documents, all their faults at once, bounds of plausibility, shapes, bodies, layers,
-//! meshes and what is mended in them, and particles from files.
+//! meshes and what is mended in them, particles from files; and commands that read scenes or make them.
 
+mod bench;
 mod bodies;
 mod cases;
 mod conforming;

@@ -4,11 +4,13 @@ use super::layout::{self, BLOCK_NODES, NODE_CHANNELS, TOUCH_CHANNELS, WORK_MAX};
 use super::scene::SceneSizes;
 use super::stages::{Extent, Placed};
 use super::table;
-use super::upload::DeviceState;
+use super::upload::{DeviceLayout, DeviceState, grid_offsets};
 use crate::contract::EngineError;
 use crate::gpu::Gpu;
 use crate::gpu::memory::{Memory, Sizes, indirect, storage, uniform};
 use crate::gpu::program::Workgroups;
+use gridfall_core::sim::setup::Setup;
+use gridfall_core::sim::touch;
 
 /// Steps whose collider poses are uploaded at once, the most that one submission holds.
 pub const CHUNK_STEPS: usize = 256;
@@ -29,6 +31,20 @@ pub struct Counts {
 }
 
 impl Counts {
+    /// Of a scene with so many particles in all, in so many blocks.
+    pub fn of(setup: &Setup, scene: SceneSizes, particles: usize, blocks: usize) -> Self {
+        let layout = DeviceLayout::new(setup);
+        Self {
+            particles,
+            // Room to spread before the first growth.
+            capacity: blocks * 5 / 4 + 64,
+            grids: grid_offsets(setup.kernel).len(),
+            channels: layout.channels,
+            touches: touch::acts(setup),
+            scene,
+        }
+    }
+
     /// Buffers with the deformation of particles by id, and their channels.
     pub fn deformation(&self) -> [(&'static str, usize); 2] {
         let [first, rest] = layout::deformation_parts(self.channels);

@@ -11,7 +11,7 @@ use super::scene::{self, SceneData};
 use super::segment::Course;
 use super::stages::{Placed, Stages};
 use super::table;
-use super::upload::{DeviceLayout, grid_offsets};
+use super::upload::DeviceLayout;
 use super::view::Viewer;
 use crate::contract::{Backend, Control, Engine, EngineError, FrameStats, Pending, StateError, TakePlaces};
 use crate::gpu::memory::Memory;
@@ -71,15 +71,8 @@ impl GpuEngine {
         let extremes = timestep::initial_extremes(setup, &particles);
         touch::begin(setup, &mut particles, 0.0);
         let scene = SceneData::new(setup);
-        let counts = Counts {
-            particles: setup.total_particles(),
-            // Room to spread before the first growth.
-            capacity: layout.active_blocks(&particles, &Plates::of(setup, 0.0))? * 5 / 4 + 64,
-            grids: grid_offsets(setup.kernel).len(),
-            channels: layout.channels,
-            touches: touch::acts(setup),
-            scene: scene.sizes(),
-        };
+        let blocks = layout.active_blocks(&particles, &Plates::of(setup, 0.0))?;
+        let counts = Counts::of(setup, scene.sizes(), setup.total_particles(), blocks);
         let buffers = Buffers::new(&gpu, counts)?;
         scene.write(&gpu, &buffers.memory);
         let programs = Programs::new(Variant::of(setup));
@@ -109,6 +102,15 @@ impl GpuEngine {
         };
         engine.put(&particles)?;
         Ok(engine)
+    }
+
+    /// Device memory that a scene with so many particles in so many blocks would begin with (bytes).
+    ///
+    /// Errors: [`EngineError::Capacity`] when a buffer is larger than the device has any.
+    pub fn bytes_for(gpu: &Gpu, setup: &Setup, particles: usize, blocks: usize) -> Result<usize, EngineError> {
+        let sizes = Counts::of(setup, SceneData::new(setup).sizes(), particles, blocks).sizes();
+        sizes.check(&gpu.limits)?;
+        Ok(sizes.total_bytes())
     }
 
     /// Device memory in use (bytes).

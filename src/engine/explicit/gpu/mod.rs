@@ -4,7 +4,8 @@
 //! and `upload` turn a scene and its particles into device data, `stages` lists the dispatches of a
 //! frame, `engine` plans frames, `segment` runs equal steps of one and answers for overflow, `failure`
 //! for errors, `load` and `readback` bring states to the device and home, `view` what is recorded of frames,
-//! and `staged` stops between the stages of a step, so that they and the `bookkeeping` can be looked at.
+//! `timing` and `traffic` say what a step costs, and `staged` stops between the stages of a step, so that they
+//! and the `bookkeeping` can be looked at.
 
 mod bookkeeping;
 mod buffers;
@@ -26,6 +27,7 @@ mod staged;
 pub mod stages;
 mod table;
 pub mod timing;
+mod traffic;
 pub(crate) mod upload;
 mod view;
 
@@ -33,6 +35,7 @@ pub use bookkeeping::{Blocks, Bookkeeping};
 pub use engine::GpuEngine;
 pub use readback::GridNode;
 pub use staged::Staged;
+pub use traffic::{Moved, Traffic};
 
 use gridfall_core::sim::setup::{Kernel, Precision, Setup, Transfer};
 

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use super::engine::GpuEngine;
+use super::layout;
 use super::segment::Course;
 use super::stages::STEP;
 use crate::contract::EngineError;
@@ -23,7 +24,7 @@ pub struct Profile {
 
 impl GpuEngine {
     /// Runs up to `steps` equal steps of `dt_s` with a timestamp around every dispatch, and brings
-    /// the particles home.
+    /// the particles home. Where a guard asks for smaller steps it ends early, and the particles stay as they were.
     ///
     /// Passes are separate here, so that the sum is more than an ordinary run takes. `None` without
     /// timestamp support.
@@ -65,7 +66,12 @@ impl GpuEngine {
         });
         let ticks: Vec<u64> = gpu.read(&resolved, 2 * dispatches.len())?;
         let stages: Vec<_> = dispatches.iter().map(|dispatch| dispatch.name()).collect();
-        self.settle(steps, dt_s)?;
+        let report = self.read_report()?;
+        let guarded = report.finished == 0 && report.error == 0 && report.halt & layout::HALT_BLOCKS == 0;
+        let steps = if guarded { u64::from(report.step).max(1) } else { steps };
+        if !guarded {
+            self.settle(steps, dt_s)?;
+        }
         let period_s = f64::from(gpu.queue.get_timestamp_period()) * 1e-9;
         let mut profile = Profile { steps, ..Profile::default() };
         for (pair, stage) in ticks.chunks_exact(2).zip(stages) {
