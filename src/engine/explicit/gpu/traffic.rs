@@ -191,8 +191,8 @@ mod tests {
         // 27 bins and a block; their 2560 B each, the table, the item and its bin.
         let sweep = Moved { read: 28 * 4, written: 27 * 2560 + 256 * 8 + 36 };
         assert_eq!(counted(LOAD, "explicit/sweep"), sweep);
-        // The item's 32 B, 8 and 27 entries of the table, 341 velocities, 341 masses and momenta, 27 bins; place in the list, body,
-        // position, destination and J.
+        // The item's 32 B, 8 and 27 entries of the table, 341 velocities, 341 masses and momenta, 27 bins; place in
+        // the list, body, position, destination and J.
         let sums = 341 * 16 + 108;
         let read = 32 + 64 + 216 + 341 * 12 + sums + 512 * (4 + 4 + 16 + 8 + 4);
         assert_eq!(counted(LOAD, "explicit/g2p2g"), Moved { read, written: sums + 512 * (16 + 8 + 4) });
