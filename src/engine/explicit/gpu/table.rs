@@ -44,11 +44,17 @@ mod tests {
             let all = (0..n[2]).flat_map(|z| (0..n[1]).flat_map(move |y| (0..n[0]).map(move |x| [x, y, z])));
             let r = n.iter().min().unwrap() / 4;
             let near = |[x, y, z]: [i32; 3]| (x - r).pow(2) + (y - r).pow(2) + (z - r).pow(2) < r * r;
-            let kinds: [(&str, &dyn Fn([i32; 3]) -> bool); 3] =
-                [("ball", &near), ("sheet", &|at| at[2] == 1), ("wall", &|at| at[0] == 0)];
-            for (name, kind) in kinds {
-                let blocks: Vec<u32> =
-                    all.clone().filter(|&at| kind(at)).map(|[x, y, z]| ((z * n[1] + y) * n[0] + x) as u32).collect();
+            let kind = |name: &str, at: [i32; 3]| match name {
+                "ball" => near(at),
+                "sheet" => at[2] == 1,
+                _ => at[0] == 0,
+            };
+            for name in ["ball", "sheet", "wall"] {
+                let blocks: Vec<u32> = all
+                    .clone()
+                    .filter(|&at| kind(name, at))
+                    .map(|[x, y, z]| ((z * n[1] + y) * n[0] + x) as u32)
+                    .collect();
                 let capacity = blocks.len() + 64;
                 let table = of_blocks(&blocks, capacity).expect("near places are free");
                 let probes = |block: u32| {
