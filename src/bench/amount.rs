@@ -84,7 +84,10 @@ fn largest(devices: &Devices, case: Case, kernel: Kernel, precision: Precision) 
 
 /// The most between two numbers that fits, to one in a thousand.
 fn most(low: usize, high: usize, fits: &mut dyn FnMut(usize) -> bool) -> Option<usize> {
-    let (mut low, mut high) = (fits(low).then_some(low)?, high + 1);
+    if fits(high) {
+        return Some(high);
+    }
+    let (mut low, mut high) = (fits(low).then_some(low)?, high);
     while high - low > 1 + low / 1000 {
         let middle = low + (high - low) / 2;
         if fits(middle) {
