@@ -28,8 +28,10 @@ fn still_water_keeps_its_level() {
         // The sound of the start, when it takes its own weight, fades slowly.
         let (after, _) = problems::run(&problem, 12 * 48);
         let depth = 0.4;
-        // Less what its own weight compresses it by.
-        let expected = depth * (1.0 - 9810.0 * depth / (3.0 * 1e5));
+        // What is above a layer compresses it by p/K − 4.1 (p/K)², and a layer lifts what is above it: a mean of J
+        // weighted by the mass above.
+        let strain = 9810.0 * depth / 1e5;
+        let expected = depth * (1.0 - 2.0 / 3.0 * strain + 2.04 * strain * strain);
         let level = 2.0 * centre(&after, 0..after.len())[1];
         let speed = (after.v.iter().map(|v| norm(*v).powi(2)).sum::<f64>() / after.len() as f64).sqrt();
         println!("{kernel:?}: level {level:.4} of {expected:.4} m, {speed:.4} m/s");
