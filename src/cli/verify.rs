@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::CliError;
 use super::device::DeviceArguments;
 use super::talk::remark;
-use crate::verify::{self, CASES, Case, Curve, Extent, Row, Target};
+use crate::verify::{self, CASES, Case, Curve, Extent, Row, Scope, Target};
 use gridfall_engine::choice::{Choice, Devices};
 use gridfall_recording::provenance;
 
@@ -81,17 +81,18 @@ pub fn execute(arguments: Arguments) -> Result<(), CliError> {
     let extent = if arguments.full { Extent::Full } else { Extent::Quick };
     let begin = Instant::now();
     let (mut rows, mut curves) = (Vec::new(), Vec::new());
-    for case in CASES.iter().filter(|c| arguments.cases.is_empty() || arguments.cases.contains(&c.name)) {
-        let started = Instant::now();
-        let outcome = verify::run(case, &devices, &targets, extent, &|line| remark(line));
-        remark(format_args!("{}: {:.1} s", case.name, started.elapsed().as_secs_f64()));
+    let cases: Vec<&Case> =
+        CASES.iter().filter(|c| arguments.cases.is_empty() || arguments.cases.contains(&c.name)).collect();
+    let scope = Scope { devices: &devices, targets: &targets, extent, log: &|line| remark(line) };
+    verify::run(&cases, scope, |case, outcome| {
+        remark(format_args!("{}: {:.1} s", case.name, outcome.wall.as_secs_f64()));
         if !arguments.json && !outcome.rows.is_empty() {
             describe(case);
             outcome.rows.iter().for_each(print);
         }
         rows.extend(outcome.rows);
         curves.extend(outcome.curves);
-    }
+    });
     if let Some(directory) = &arguments.curves {
         write_curves(directory, &curves)?;
     }

@@ -31,6 +31,11 @@ mod water_level;
 pub use report::{Curve, Row, Rule, curve_csv, number};
 pub use session::{Extent, Session, Target};
 
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
+
 use gridfall_engine::choice::Devices;
 
 /// A claim about the simulation that can be checked.
@@ -47,7 +52,7 @@ pub struct Case {
     run: fn(&mut Session) -> Result<(), gridfall_engine::EngineError>,
 }
 
-/// All cases, in the order in which they run.
+/// All cases, in the order in which they are shown.
 pub const CASES: &[Case] = &[
     motion::FREE_FALL,
     motion::COLLIDING_SPHERES,
@@ -83,27 +88,71 @@ pub const CASES: &[Case] = &[
     kernels::HOLLOW_CYLINDER,
 ];
 
-/// Results of a run.
+/// Results of a case.
 #[derive(Debug, Default)]
 pub struct Outcome {
     pub rows: Vec<Row>,
     pub curves: Vec<Curve>,
+    /// How long it took.
+    pub wall: Duration,
+}
+
+/// On what cases run, and how much of them.
+#[derive(Clone, Copy)]
+pub struct Scope<'a> {
+    pub devices: &'a Devices,
+    pub targets: &'a [Target],
+    pub extent: Extent,
+    /// Told of each value as it is found.
+    pub log: &'a (dyn Fn(&str) + Sync),
+}
+
+/// Runs cases, as many at a time as there are cores: most are too small to keep more than one busy. `done` is told of
+/// each in the order given.
+pub fn run(cases: &[&'static Case], scope: Scope, mut done: impl FnMut(&'static Case, Outcome)) {
+    let workers = std::thread::available_parallelism().map_or(1, usize::from).min(cases.len());
+    let next = AtomicUsize::new(0);
+    let (sender, finished) = mpsc::channel();
+    std::thread::scope(|threads| {
+        for _ in 0..workers {
+            let (sender, next) = (sender.clone(), &next);
+            threads.spawn(move || {
+                loop {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(case) = cases.get(index) else { break };
+                    // Nobody listens if `done` has panicked.
+                    let _ = sender.send((index, run_case(case, scope)));
+                }
+            });
+        }
+        drop(sender);
+        let (mut early, mut told) = (BTreeMap::new(), 0);
+        for (index, outcome) in finished {
+            early.insert(index, outcome);
+            while let Some(outcome) = early.remove(&told) {
+                done(cases[told], outcome);
+                told += 1;
+            }
+        }
+    });
 }
 
 /// Runs a case on each of its targets, if the extent includes it. A simulation that ends in an
 /// error is a failing row.
-pub fn run(case: &Case, devices: &Devices, targets: &[Target], extent: Extent, log: &dyn Fn(&str)) -> Outcome {
+fn run_case(case: &Case, scope: Scope) -> Outcome {
+    let begin = Instant::now();
     let mut outcome = Outcome::default();
-    for &target in targets {
-        if (target == Target::Gpu && !case.gpu) || (extent == Extent::Quick && !case.quick) {
+    for &target in scope.targets {
+        if (target == Target::Gpu && !case.gpu) || (scope.extent == Extent::Quick && !case.quick) {
             continue;
         }
-        let mut session = Session::new(case.name, devices, target, extent, log);
+        let mut session = Session::new(case.name, target, scope);
         if let Err(error) = (case.run)(&mut session) {
             session.failed(&error);
         }
         outcome.rows.append(&mut session.rows);
         outcome.curves.append(&mut session.curves);
     }
+    outcome.wall = begin.elapsed();
     outcome
 }

@@ -1,5 +1,6 @@
 //! A case in progress: its engine, its extent and its results.
 
+use super::Scope;
 use super::report::{Curve, Row, Rule};
 use super::setup::Scheme;
 use gridfall_core::sim::setup::{Kernel, Precision, Problem, Transfer};
@@ -32,19 +33,14 @@ pub struct Session<'a> {
     devices: &'a Devices,
     pub target: Target,
     pub extent: Extent,
-    log: &'a dyn Fn(&str),
+    log: &'a (dyn Fn(&str) + Sync),
     pub rows: Vec<Row>,
     pub curves: Vec<Curve>,
 }
 
 impl<'a> Session<'a> {
-    pub(super) fn new(
-        case: &'static str,
-        devices: &'a Devices,
-        target: Target,
-        extent: Extent,
-        log: &'a dyn Fn(&str),
-    ) -> Self {
+    pub(super) fn new(case: &'static str, target: Target, scope: Scope<'a>) -> Self {
+        let Scope { devices, extent, log, .. } = scope;
         Self { case, devices, target, extent, log, rows: Vec::new(), curves: Vec::new() }
     }
 
