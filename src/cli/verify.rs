@@ -25,7 +25,7 @@ pub struct Arguments {
     /// A few variants of each case, coarse: under a minute (the default).
     #[arg(long, conflicts_with = "full")]
     quick: bool,
-    /// Every variant, as documented in docs/VALIDATION.md: about a quarter of an hour.
+    /// Every variant, as documented in docs/VALIDATION.md: ten minutes on two cores.
     #[arg(long)]
     full: bool,
     /// List the cases with their claims, and do nothing.

@@ -27,7 +27,7 @@ use super::side;
 use crate::material::Law;
 
 /// Rate at which the difference vanishes at rest, as a share of that at which gravity crosses a cell. Half of it lets
-/// the compact kernel's water sink by 4 %.
+/// the compact kernel's water sink by 4 % in a minute.
 pub const FALLING: f64 = 0.06;
 /// What ‖∇v‖ adds to the rate, as a share of itself.
 pub const STIRRED: f64 = 0.3;
