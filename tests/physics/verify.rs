@@ -1,22 +1,25 @@
 //! `gridfall verify --quick` as a test: every case on the CPU, and one on the software GPU.
 
-use gridfall::verify::{self as cases, CASES, Extent, Target};
+use gridfall::verify::{self, CASES, Case, Extent, Scope, Target};
 use gridfall_engine::choice::{Choice, Devices};
 
-fn passes(name: &str, devices: &Devices, target: Target) {
-    let case = CASES.iter().find(|case| case.name == name).unwrap();
-    let outcome = cases::run(case, devices, &[target], Extent::Quick, &|line| println!("{line}"));
-    assert!(!outcome.rows.is_empty(), "{name} reports nothing");
-    let failed: Vec<_> = outcome.rows.iter().filter(|row| !row.pass).collect();
+fn pass(cases: &[&'static Case], devices: &Devices, target: Target) {
+    let scope = Scope { devices, targets: &[target], extent: Extent::Quick, log: &|line| println!("{line}") };
+    let (mut told, mut failed) = (Vec::new(), Vec::new());
+    verify::run(cases, scope, |case, outcome| {
+        assert!(!outcome.rows.is_empty(), "{} reports nothing", case.name);
+        told.push(case.name);
+        failed.extend(outcome.rows.into_iter().filter(|row| !row.pass));
+    });
+    assert_eq!(told, cases.iter().map(|case| case.name).collect::<Vec<_>>());
     assert!(failed.is_empty(), "{failed:#?}");
 }
 
 #[test]
 fn every_case_passes_on_the_cpu() {
     let devices = Devices::open(Choice::Cpu, None).unwrap();
-    for case in CASES.iter().filter(|case| case.quick) {
-        passes(case.name, &devices, Target::Cpu);
-    }
+    let quick: Vec<_> = CASES.iter().filter(|case| case.quick).collect();
+    pass(&quick, &devices, Target::Cpu);
 }
 
 #[test]
@@ -24,7 +27,8 @@ fn a_case_passes_on_the_gpu() {
     // A missing driver is a failure, not a skip (see tests/run).
     let adapter = std::env::var("GRIDFALL_TEST_ADAPTER").unwrap_or_else(|_| "llvmpipe".into());
     let devices = Devices::open(Choice::Gpu, Some(&adapter)).unwrap();
-    passes("free-fall", &devices, Target::Gpu);
+    let free_fall: Vec<_> = CASES.iter().filter(|case| case.name == "free-fall").collect();
+    pass(&free_fall, &devices, Target::Gpu);
 }
 
 #[test]
