@@ -68,7 +68,8 @@ fn settle(session: &mut Session, scheme: Scheme, k: f64, name: &str, length: f64
         json!({
             "domain": { "min": vec![0; d], "max": size(length, 15.0), "dx": DX, "boundary": boundary },
             "gravity": vector(d, gravity),
-            "materials": { "water": { "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": k, "gamma": GAMMA } },
+            "materials": { "water": { "model": "weakly-compressible-fluid", "density": 1000, "bulk_modulus": k,
+                                      "gamma": GAMMA } },
             "bodies": [ { "name": "water", "material": "water",
                           "shape": { "box": { "min": vec![0; d], "max": size(BLOCK, BLOCK) } } } ],
         }),
