@@ -108,23 +108,25 @@ pub struct Scope<'a> {
     pub log: &'a (dyn Fn(&str) + Sync),
 }
 
-/// Runs cases, as many at a time as there are cores, each on one thread: most are too small for more. `done` is told of
-/// each in the order given.
+/// Runs cases, as many at a time as there are threads, and shares the threads out: most cases are too small for more
+/// than one. `done` is told of each in the order given.
 pub fn run(cases: &[&'static Case], scope: Scope, mut done: impl FnMut(&'static Case, Outcome)) {
-    let workers = std::thread::available_parallelism().map_or(1, usize::from).min(cases.len());
+    let threads = rayon::current_num_threads();
+    let workers = threads.min(cases.len());
     let next = AtomicUsize::new(0);
     let (sender, finished) = mpsc::channel();
-    std::thread::scope(|threads| {
+    std::thread::scope(|scoped| {
         for _ in 0..workers {
             let (sender, next) = (sender.clone(), &next);
-            threads.spawn(move || {
+            scoped.spawn(move || {
                 // A stage of a small scene takes less time than it takes to hand it to threads that others use as well.
-                let alone = ThreadPoolBuilder::new().num_threads(1).build().expect("a thread can be started");
+                let own = ThreadPoolBuilder::new().num_threads(threads / workers);
+                let own = own.build().expect("threads can be started");
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let Some(case) = cases.get(index) else { break };
                     // Nobody listens if `done` has panicked.
-                    let _ = sender.send((index, alone.install(|| run_case(case, scope))));
+                    let _ = sender.send((index, own.install(|| run_case(case, scope))));
                 }
             });
         }
