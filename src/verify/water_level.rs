@@ -114,9 +114,9 @@ fn settle(session: &mut Session, scheme: Scheme, k: f64, name: &str, length: f64
     Ok(())
 }
 
-/// Twice the mean height of a column of water under its own weight, over its depth without weight. The pressure
-/// `share` below the surface, as a part of the mass above it, is `strain` K times that part, with `strain` = ρ g h / K,
-/// and J = (1 + γ strain share)^(−1/γ). A layer lifts what is above it: 2 ∫ J(s) s ds over s from 0 to 1.
+/// Twice the mean height of a column of water under its own weight, over its depth without weight. With `strain` =
+/// ρ g h / K, the pressure under a share s of the mass is s strain K, and J(s) = (1 + γ strain s)^(−1/γ) (Tait). A layer
+/// lifts the share s that is above it, so this is 2 ∫ J(s) s ds over s from 0 to 1.
 fn pressed(strain: f64) -> f64 {
     let (a, q) = (GAMMA * strain, 1.0 / GAMMA);
     let part = |n: f64| ((1.0 + a).powf(n) - 1.0) / n;
