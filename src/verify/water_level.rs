@@ -115,8 +115,8 @@ fn settle(session: &mut Session, scheme: Scheme, k: f64, name: &str, length: f64
 }
 
 /// Twice the mean height of a column of water under its own weight, over its depth without weight. With `strain` =
-/// ρ g h / K, the pressure under a share s of the mass is s strain K, and J(s) = (1 + γ strain s)^(−1/γ) (Tait). A layer
-/// lifts the share s that is above it, so this is 2 ∫ J(s) s ds over s from 0 to 1.
+/// ρ g h / K, the pressure under a share s of the mass is s strain K, and J(s) = (1 + γ strain s)^(−1/γ) (Tait).
+/// A layer lifts the share s that is above it, so this is 2 ∫ J(s) s ds over s from 0 to 1.
 fn pressed(strain: f64) -> f64 {
     let (a, q) = (GAMMA * strain, 1.0 / GAMMA);
     let part = |n: f64| ((1.0 + a).powf(n) - 1.0) / n;
