@@ -554,7 +554,8 @@ class Implicit(Part):
 
     Fields:
     - coarse_solve: The solve on the coarsest level. Default: "fixed".
-    - levels: Levels of the multigrid hierarchy, the grid of the particles included. Default: 3.
+    - levels: Levels of the multigrid hierarchy, the grid of the particles included. The method `newton` adds
+      levels until the coarsest one is small enough to be solved exactly. Default: 3.
     - max_iterations: A step ends unconverged after so many outer iterations, which the diagnostics say.
       Default: 1000.
     - method: How a step's equations are solved. Default: "newton".
@@ -574,7 +575,9 @@ class Implicit(Part):
     coarse_solve: CoarseSolve | None = field(default=None, metadata=member())
     """The solve on the coarsest level."""
     levels: int | None = field(default=None, metadata=member())
-    """Levels of the multigrid hierarchy, the grid of the particles included."""
+    """Levels of the multigrid hierarchy, the grid of the particles included. The method `newton` adds levels until
+    the coarsest one is small enough to be solved exactly.
+    """
     max_iterations: int | None = field(default=None, metadata=member())
     """A step ends unconverged after so many outer iterations, which the diagnostics say."""
     method: ImplicitMethod | None = field(default=None, metadata=member())

@@ -18,7 +18,8 @@ pub struct Implicit {
     /// When plastic materials flow; by default, for the method `newton` within the step, for all others, which
     /// minimise an energy, after it.
     pub plasticity: Option<Plasticity>,
-    /// Levels of the multigrid hierarchy, the grid of the particles included.
+    /// Levels of the multigrid hierarchy, the grid of the particles included. The method `newton`
+    /// adds levels until the coarsest one is small enough to be solved exactly.
     pub levels: u32,
     /// The smoother of the V-cycle.
     pub smoother: Smoother,

@@ -1,6 +1,6 @@
 //! The solve on the coarsest level.
 
-use super::factor::Factor;
+use super::factor::{Factor, ROUNDING};
 use super::hierarchy::Nodes;
 use super::krylov::Inexact;
 use super::objective::NodeVectors;
@@ -32,7 +32,7 @@ impl<const D: usize> Coarsest<D> {
         let all: Vec<u32> = (0..matrix.rows() as u32).collect();
         let solver = match kind {
             CoarseSolve::Adaptive => CoarseSolver::Adaptive(Inexact::new(&matrix)),
-            CoarseSolve::Fixed => match Factor::new(&matrix, nodes, &all, FACTORISE) {
+            CoarseSolve::Fixed => match Factor::new(&matrix, nodes, &all, FACTORISE, ROUNDING) {
                 Some(factor) => CoarseSolver::Exact(factor),
                 None => CoarseSolver::Polynomial(Chebyshev::new(&matrix, DEGREE, RANGE), Room::default()),
             },

@@ -12,7 +12,7 @@
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
 
-use super::factor::Factor;
+use super::factor::{Factor, ROUNDING};
 use super::galerkin::galerkin;
 use super::hierarchy::{Nodes, Prolongation};
 use super::krylov::Preconditioner;
@@ -59,7 +59,7 @@ impl<const D: usize> Condensed<D> {
         let is_weak = weak_nodes(matrix, objective.masses());
         let which = |weak: bool| (0..matrix.rows() as u32).filter(|&i| is_weak[i as usize] == weak).collect();
         let (strong, chosen): (Vec<u32>, Vec<u32>) = (which(false), which(true));
-        let weak = Factor::new(matrix, &nodes, &chosen, f64::INFINITY).expect("no bound");
+        let weak = Factor::new(matrix, &nodes, &chosen, f64::INFINITY, ROUNDING).expect("no bound");
         let block = |i: usize| inverse(&condensed_block(matrix, &nodes.ids, &is_weak, i));
         let mut inverse_diagonal = vec![[[0.0; D]; D]; matrix.rows()];
         inverse_diagonal.par_iter_mut().with_min_len(64).enumerate().for_each(|(i, d)| {

@@ -15,8 +15,8 @@ use gridfall_core::maths::linalg::{Matrix, Vector};
 
 /// Nodes that are not divided any further.
 const LEAF: usize = 16;
-/// Pivots below this part of the diagonal are rounding. Inertia leaves 1e-9 of it and more.
-const ROUNDING: f64 = 1e-12;
+/// Pivots below this part of the diagonal are rounding, in f64. Inertia leaves 1e-9 of it and more.
+pub const ROUNDING: f64 = 1e-12;
 /// Not a place: the node is not among those that are factorised, or has none yet.
 const NOWHERE: u32 = u32::MAX;
 
@@ -34,8 +34,9 @@ pub struct Factor<const D: usize> {
 }
 
 impl<const D: usize> Factor<D> {
-    /// None if it takes more than so many multiplications.
-    pub fn new(matrix: &Bsr<f64, D>, nodes: &Nodes<D>, chosen: &[u32], most: f64) -> Option<Self> {
+    /// None if it takes more than so many multiplications. Pivots below the part `rounding` of the diagonal
+    /// are left out.
+    pub fn new(matrix: &Bsr<f64, D>, nodes: &Nodes<D>, chosen: &[u32], most: f64, rounding: f64) -> Option<Self> {
         let order = dissected(matrix, nodes, chosen);
         let mut place = vec![NOWHERE; matrix.rows()];
         order.iter().enumerate().for_each(|(k, &i)| place[i as usize] = k as u32);
@@ -63,7 +64,7 @@ impl<const D: usize> Factor<D> {
         }
         let sizes: Vec<Vector<f64, D>> = diagonal.iter().map(|block| std::array::from_fn(|a| block[a][a])).collect();
         for j in 0..order.len() {
-            let inverse = inverse_factor(&diagonal[j], &sizes[j]);
+            let inverse = inverse_factor(&diagonal[j], &sizes[j].map(|size| rounding * size));
             diagonal[j] = inverse;
             let (from, to) = (start[j], start[j + 1]);
             let (own, later) = blocks.split_at_mut(to);
@@ -181,9 +182,8 @@ fn structure<const D: usize>(matrix: &Bsr<f64, D>, order: &[u32], place: &[u32])
     (start, rows)
 }
 
-/// The inverse of the lower triangle L with A = L Lᵀ; without the rows and columns of pivots that are
-/// rounding beside the diagonal's `size` before elimination.
-fn inverse_factor<const D: usize>(block: &Matrix<f64, D>, size: &Vector<f64, D>) -> Matrix<f64, D> {
+/// The inverse of the lower triangle L with A = L Lᵀ; without the rows and columns of pivots up to `least`.
+fn inverse_factor<const D: usize>(block: &Matrix<f64, D>, least: &Vector<f64, D>) -> Matrix<f64, D> {
     let mut lower = [[0.0; D]; D];
     let mut inverse = [[0.0; D]; D];
     for a in 0..D {
@@ -191,7 +191,7 @@ fn inverse_factor<const D: usize>(block: &Matrix<f64, D>, size: &Vector<f64, D>)
             let rest = block[a][b] - (0..b).map(|c| lower[a][c] * lower[b][c]).sum::<f64>();
             if a > b {
                 lower[a][b] = rest * inverse[b][b];
-            } else if rest > ROUNDING * size[a] {
+            } else if rest > least[a] {
                 lower[a][a] = rest.sqrt();
                 inverse[a][a] = 1.0 / lower[a][a];
             }

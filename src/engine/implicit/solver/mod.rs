@@ -6,10 +6,10 @@ mod admm;
 mod coarse;
 mod condensed;
 mod descent;
-mod factor;
+pub(crate) mod factor;
 mod galerkin;
 mod gauss_seidel;
-mod hierarchy;
+pub(crate) mod hierarchy;
 pub(crate) mod krylov;
 mod lbfgs;
 mod line_search;
@@ -22,7 +22,7 @@ pub mod sparse;
 mod spectrum;
 mod tolerance;
 pub(crate) mod turning;
-mod vcycle;
+pub(crate) mod vcycle;
 pub(crate) mod verbs;
 
 #[cfg(test)]

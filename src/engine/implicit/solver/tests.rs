@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::coarse::Coarsest;
 use super::condensed::{Condensed, Cycle};
-use super::factor::Factor;
+use super::factor::{Factor, ROUNDING};
 use super::fixture::{Body, Recipe};
 use super::galerkin::galerkin;
 use super::gauss_seidel::{GaussSeidel, SymmetricGaussSeidel};
@@ -237,7 +237,7 @@ fn factor_error<const D: usize>(recipe: Recipe<D>, planted: f64) -> f64 {
     let body = Body::new(recipe);
     let matrix = body.hessian(&body.start());
     let chosen: Vec<u32> = (0..matrix.rows() as u32).filter(|i| i % 7 < 4).collect();
-    let factor = Factor::new(&matrix, &nodes(&body), &chosen, f64::INFINITY).unwrap();
+    let factor = Factor::new(&matrix, &nodes(&body), &chosen, f64::INFINITY, ROUNDING).unwrap();
     let mut order = factor.nodes().to_vec();
     let places: Vec<usize> = order.iter().flat_map(|&i| (0..D).map(move |a| D * i as usize + a)).collect();
     let dense = matrix.to_dense().select_rows(&places).select_columns(&places);

@@ -14,15 +14,21 @@ use super::sparse::Bsr;
 use super::verbs::update;
 use gridfall_core::maths::linalg::{Matrix, Vector};
 use gridfall_core::maths::real::Real;
-use gridfall_core::sim::settings::{CoarseSolve, Implicit, Smoother as SmootherKind};
+use gridfall_core::sim::settings::{CoarseSolve, Implicit, Method, Smoother as SmootherKind};
 
 /// Nodes below which no further level pays.
 const FEWEST_NODES: usize = 16;
+/// Nodes for which a factorisation takes little beside the rest of a step.
+const EXACT_NODES: usize = 500;
+/// Levels to which a hierarchy goes on by itself.
+pub const MOST_LEVELS: u32 = 10;
 
 /// How the hierarchy is built.
 #[derive(Clone, Copy, Debug)]
 pub struct Plan {
     pub levels: u32,
+    /// Whether there are more levels where the coarsest would be too large to be solved exactly.
+    pub deep: bool,
     pub embedding: Embedding,
     pub smoother: SmootherKind,
     pub coarse_solve: CoarseSolve,
@@ -33,8 +39,15 @@ pub struct Plan {
 impl Plan {
     /// Galerkin's, with linear embedding.
     pub fn new(settings: &Implicit) -> Self {
-        let &Implicit { levels, smoother, coarse_solve, .. } = settings;
-        Self { levels, embedding: Embedding::Linear, smoother, coarse_solve, geometric: false }
+        let &Implicit { levels, smoother, coarse_solve, method, .. } = settings;
+        Self {
+            levels,
+            deep: method == Method::Newton,
+            embedding: Embedding::Linear,
+            smoother,
+            coarse_solve,
+            geometric: false,
+        }
     }
 }
 
@@ -78,7 +91,10 @@ impl<T: Real, const D: usize> VCycle<T, D> {
     ) -> Self {
         let mut coarser: Option<Bsr<f64, D>> = None;
         let mut levels = Vec::new();
-        while (levels.len() as u32) + 1 < plan.levels && nodes.ids.len() > FEWEST_NODES {
+        let goes_on = |depth: u32, nodes: usize| {
+            depth < plan.levels && nodes > FEWEST_NODES || plan.deep && depth < MOST_LEVELS && nodes > EXACT_NODES
+        };
+        while goes_on(levels.len() as u32 + 1, nodes.ids.len()) {
             let matrix = coarser.as_ref().unwrap_or(finest);
             let (coarse_nodes, prolongation, coarse) =
                 if let Some((ids, matrix)) = by_quadrature(levels.len() as u32 + 1) {

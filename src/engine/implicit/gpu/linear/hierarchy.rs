@@ -1,6 +1,7 @@
 //! The hierarchy of a step (HOT §5): coarse nodes, Galerkin matrices, smoothers, and the V-cycle
 //! over them.
 
+use super::coarse;
 use super::lattice::Lattice;
 use super::level::{Level, between};
 use super::smoother::{self, Smoothing};
@@ -8,10 +9,12 @@ use super::stages::{
     COUNT, COUNT_FIRST, DIAGONAL, GALERKIN, LINK, NONZEROS, PROLONG, RESIDUAL, RESTRICT, append, append_between,
 };
 use crate::contract::EngineError;
+use crate::gpu::Gpu;
 use crate::gpu::memory::{Memory, SLOT, slot, storage};
 use crate::gpu::program::{Dispatches, Tools};
 use crate::implicit::gpu::interface::{System, sizes};
-use gridfall_core::sim::settings::Implicit;
+use crate::implicit::solver::vcycle::MOST_LEVELS;
+use gridfall_core::sim::settings::{Implicit, Method};
 use gridfall_core::sim::setup;
 
 /// Nodes below which no further level is worth making.
@@ -22,7 +25,8 @@ pub struct Hierarchy {
     pub levels: Vec<Level>,
     /// Blocks of the finest matrix.
     pub nonzeros: u32,
-    /// Coarse matrices, inverse diagonals and spectra from the finest matrix.
+    /// Coarse matrices, inverse diagonals and spectra from the finest matrix;
+    /// [`Hierarchy::invert_coarsest`] is due once they are submitted.
     pub matrices: Dispatches,
     /// The polynomials once more, after a change of `stretch`.
     pub polynomials: Dispatches,
@@ -30,43 +34,60 @@ pub struct Hierarchy {
     pub cycle: Dispatches,
     /// Which of the finest level's x it is.
     pub result: usize,
-    /// `stretch`: what all spectra are taken to be wider by than they were found.
-    memory: Memory,
+    /// Whether the coarsest level is solved exactly.
+    exact: bool,
+    /// `stretch`: what all spectra are taken to be wider by than they were found; the coarsest level's
+    /// `solution`.
+    pub memory: Memory,
 }
 
 impl Hierarchy {
     /// Counts and links the nodes of every level, with one small read-back. `spare` is an older
     /// hierarchy, whose memory is taken over. The finest matrix is not looked at before
-    /// [`Hierarchy::matrices`] runs.
+    /// [`Hierarchy::matrices`] runs. Newton's method goes on until a level can be solved exactly.
     ///
     /// Errors: [`EngineError::Capacity`] when a level does not fit the device.
     pub fn new(tools: Tools, system: &System, settings: &Implicit, spare: Option<Self>) -> Result<Self, EngineError> {
         let gpu = tools.gpu;
         let (spare_levels, memory) = match spare {
             Some(old) => (old.levels, old.memory),
-            None => (Vec::new(), Memory::new(gpu, &sizes(vec![storage("stretch", 4)], 1))?),
+            None => (Vec::new(), Memory::new(gpu, &sizes(vec![storage("stretch", 4), coarse::room()], 1))?),
         };
-        let mut levels = tables(tools, system, settings.levels.max(1), spare_levels)?;
+        let wanted = settings.levels.max(1);
+        let most = if settings.method == Method::Newton { wanted.max(MOST_LEVELS) } else { wanted };
+        let mut levels = tables(tools, system, most, spare_levels)?;
         let (rows, nonzeros) = count(tools, system, &levels)?;
-        let enough = |l: &usize| rows[l - 1] <= FEWEST_NODES || rows[*l] == rows[l - 1];
+        let least = |l: usize| if (l as u32) < wanted { FEWEST_NODES } else { coarse::MOST_NODES };
+        let enough = |l: &usize| rows[l - 1] <= least(*l) || rows[*l] == rows[l - 1];
         levels.truncate((1..levels.len()).find(enough).unwrap_or(levels.len()));
         let smoothing = Smoothing { kind: settings.smoother };
         let depth = levels.len();
+        let exact = rows[depth - 1] <= coarse::MOST_NODES;
         for (l, level) in levels.iter_mut().enumerate() {
             if l > 0 {
                 level.make_room(gpu, system.kernel, rows[l])?;
             }
-            (level.shape.degree, level.shape.range) = smoothing.polynomial(l + 1 == depth);
+            let coarsest = l + 1 == depth;
+            (level.shape.degree, level.shape.range) =
+                if coarsest && exact { (0, 1.0) } else { smoothing.polynomial(coarsest) };
             level.upload(gpu);
         }
         link(tools, system, &levels)?;
-        let (cycle, result) = v_cycle(tools, system, &levels, smoothing)?;
+        let (cycle, result) = v_cycle(tools, system, &levels, smoothing, exact.then_some(&memory))?;
         let mut polynomials = Dispatches::default();
         levels.iter().for_each(|level| smoother::polynomial(&mut polynomials, tools, level, &memory));
         let matrices = matrices(tools, system, &levels, &memory);
-        let hierarchy = Self { levels, nonzeros, matrices, polynomials, cycle, result, memory };
+        let hierarchy = Self { levels, nonzeros, matrices, polynomials, cycle, result, exact, memory };
         hierarchy.set_stretch(tools, 1.0);
         Ok(hierarchy)
+    }
+
+    /// Sees to the solve on the coarsest level, whose matrix the host reads.
+    pub fn invert_coarsest(&self, gpu: &Gpu) -> Result<(), EngineError> {
+        match self.levels.last() {
+            Some(coarsest) if self.exact => coarse::invert(gpu, coarsest, &self.memory),
+            _ => Ok(()),
+        }
     }
 
     /// All spectra are taken for so much wider than they were found.
@@ -145,13 +166,14 @@ fn matrices(tools: Tools, system: &System, levels: &[Level], memory: &Memory) ->
     list
 }
 
-/// Down and up (HOT algorithm 2): smooth, restrict the residual, correct, smooth. Gives the
-/// dispatches, and where the answer lies.
+/// Down and up (HOT algorithm 2): smooth, restrict the residual, correct, smooth. `exact` has the
+/// inverse of the coarsest matrix, if there is one. Gives the dispatches, and where the answer lies.
 fn v_cycle(
     tools: Tools,
     system: &System,
     levels: &[Level],
     smoothing: Smoothing,
+    exact: Option<&Memory>,
 ) -> Result<(Dispatches, usize), EngineError> {
     let mut list = Dispatches::default();
     let depth = levels.len();
@@ -164,7 +186,10 @@ fn v_cycle(
         restrict(&mut list, tools, system, [fine, coarse]);
     }
     let coarsest = &levels[depth - 1];
-    at[depth - 1] = smoother::chebyshev(&mut list, tools, coarsest, 0, 1..coarsest.shape.degree);
+    match exact {
+        Some(memory) => coarse::solve(&mut list, tools, coarsest, memory),
+        None => at[depth - 1] = smoother::chebyshev(&mut list, tools, coarsest, 0, 1..coarsest.shape.degree),
+    }
     for l in (0..depth - 1).rev() {
         let pair = [&levels[l], &levels[l + 1]];
         prolong(&mut list, tools, system, pair, [at[l], at[l + 1]]);

@@ -167,7 +167,8 @@ impl Run<'_> {
             }
         }
         gpu.queue.submit([encoder.finish()]);
-        gpu.check()
+        gpu.check()?;
+        self.hierarchy.invert_coarsest(gpu)
     }
 
     /// A direction, a line search along it, and the step.

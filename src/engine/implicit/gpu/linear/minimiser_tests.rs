@@ -275,9 +275,9 @@ fn a_limit_on_iterations_and_a_start_that_is_not_finite() {
     let gpu = test_gpu();
     let case = Case::new(&gpu, Kernel::Quadratic, 1e8, 0.1);
     let mut minimiser =
-        Minimiser::new(Kernel::Quadratic, Implicit { method: Method::Hot, max_iterations: 2, ..Implicit::default() });
+        Minimiser::new(Kernel::Quadratic, Implicit { method: Method::Hot, max_iterations: 1, ..Implicit::default() });
     let (_, solve) = case.run(&gpu, &mut minimiser);
-    assert!(!solve.converged && solve.iterations == 2 && solve.inner_iterations == 2 && solve.levels == 3, "{solve:?}");
+    assert!(!solve.converged && solve.iterations == 1 && solve.inner_iterations == 1 && solve.levels == 3, "{solve:?}");
     let stride = case.system.stride as usize;
     let far = DVector::from_element(3 * case.sample.rows(), 1e12);
     write_field(&gpu, case.system.get("dv"), stride, &far);

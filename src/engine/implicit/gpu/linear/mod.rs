@@ -3,9 +3,10 @@
 //!
 //! `lattice` and `level` define a level of the hierarchy and hold its memory, `stages` lists
 //! the dispatches, `hierarchy` builds the levels and the V-cycle, `smoother` their polynomials and
-//! sweeps. `newton` is the default method, `lbfgs` the directions and line search of HOT's, and
-//! `minimiser` runs either.
+//! sweeps, and `coarse` solves on the last one. `newton` is the default method, `lbfgs` the
+//! directions and line search of HOT's, and `minimiser` runs either.
 
+mod coarse;
 mod hierarchy;
 mod lattice;
 pub mod layout;

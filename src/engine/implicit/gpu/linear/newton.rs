@@ -128,6 +128,9 @@ impl Run<'_> {
             measure.record(&mut pass);
         });
         gpu.check()?;
+        if tangent.is_some() {
+            self.hierarchy.invert_coarsest(gpu)?;
+        }
         self.state()
     }
 

@@ -12,6 +12,8 @@ pub enum Extent {
     Rows,
     /// A thread a row and slot for a neighbour.
     Neighbours,
+    /// A thread a component of a row's vector.
+    Components,
     /// 32 rows a workgroup.
     Products,
     /// What a reduction has.
@@ -58,6 +60,8 @@ pub const RITZ: &[Stage] = &[("implicit/linear/ritz", One)];
 /// A step of the smoother from zero.
 pub const CHEBYSHEV_FIRST: &[Stage] = &[("implicit/linear/chebyshev_first", Rows)];
 pub const CHEBYSHEV: &[Stage] = &[("implicit/linear/chebyshev", Products)];
+/// The solve on the coarsest level, a thread a component.
+pub const COARSE: &[Stage] = &[("implicit/linear/coarse", Components)];
 /// A colour of a sweep.
 pub const GAUSS_SEIDEL: &[Stage] = &[("implicit/linear/gauss_seidel", Products)];
 pub const RESIDUAL: &[Stage] = &[("implicit/linear/residual", Products)];
@@ -94,7 +98,7 @@ pub const CG_STEP: &[Stage] = &[
 /// Names of all programs.
 pub fn programs() -> Vec<&'static str> {
     let setup = [NONZEROS, COUNT_FIRST, COUNT, LINK, GALERKIN, DIAGONAL, LANCZOS_START, LANCZOS, RITZ];
-    let cycle = [CHEBYSHEV_FIRST, CHEBYSHEV, GAUSS_SEIDEL, RESIDUAL, RESTRICT, PROLONG];
+    let cycle = [CHEBYSHEV_FIRST, CHEBYSHEV, COARSE, GAUSS_SEIDEL, RESIDUAL, RESTRICT, PROLONG];
     let descent = [BEGIN, BACKWARD, PROJECT, FORWARD, SEARCH, ATTEMPT, JUDGE, ADOPT, STEP];
     let newton = [CG_START, CG_MEASURE, CG_STEP];
     [setup.concat(), cycle.concat(), descent.concat(), newton.concat()]
@@ -123,6 +127,7 @@ pub fn append_between(
             One => grid(1),
             Rows => grid(coarse.shape.rows.div_ceil(64)),
             Neighbours => Workgroups::Grid([coarse.shape.rows.div_ceil(64), coarse.slots]),
+            Components => grid((3 * coarse.shape.rows).div_ceil(64)),
             Products => grid(coarse.shape.rows.div_ceil(32)),
             Sums => grid(coarse.shape.groups),
             Parts => grid(coarse.lattice.parts() as u32),
